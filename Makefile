@@ -1,0 +1,47 @@
+# Everything a newcomer needs: `make demo` and `make test`. Each target sets up .venv first when it is missing.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-all lint bench pictures clean
+
+help:
+	@echo "make demo      set up, rebuild the missing sherd of a broken vessel, name the files written"
+	@echo "make test      set up, run the tests"
+	@echo "make test-all  the tests with the long ones"
+	@echo "make lint      formatting, lint, types"
+	@echo "make bench     benchmarks, as tables"
+	@echo "make pictures  the pictures of the README"
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+setup: $(READY)
+
+demo: $(READY)
+	$(BIN)/recon demo
+
+test: $(READY)
+	$(BIN)/python -m pytest
+
+test-all: $(READY)
+	HYPOTHESIS_PROFILE=searching $(BIN)/python -m pytest -m 'slow or not slow'
+
+lint: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: $(READY)
+	@for table in benchmarks/*.py; do $(BIN)/python $$table || exit 1; echo; done
+
+pictures: $(READY)
+	$(BIN)/python docs/make_pictures.py
+
+clean:
+	rm -rf $(VENV) demo
