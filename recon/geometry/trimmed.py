@@ -1,0 +1,95 @@
+"""Trimmed surfaces, and the thick piece between two of them.
+
+v ^   outer loop counter-clockwise in the parameter plane, holes clockwise
+  |    .---<---.
+  |    |  .>.  |
+  |    |  '<'  |      each loop is a closed row of pcurves; the end of one
+  |    '--->---'      is the start of the next
+  +-------------> u
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from recon.errors import BadGeometry
+from recon.geometry.bspline import BSplineCurve, BSplineSurface
+
+__all__ = ["TrimLoop", "TrimmedSurface", "ThickPiece"]
+
+
+@dataclass(frozen=True, eq=False)
+class TrimLoop:
+    """A closed row of pcurves; each runs on from the end of the one before.
+
+    pcurves  BSplineCurve in (u, v), at least one
+    Raises   BadGeometry when the row has a gap.
+    """
+
+    pcurves: tuple[BSplineCurve, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pcurves", tuple(self.pcurves))
+        if not self.pcurves or any(c.control_points.shape[1] != 2 for c in self.pcurves):
+            raise BadGeometry("trim loop", "needs at least one curve in (u, v)")
+        starts = np.array([c.control_points[0] for c in self.pcurves])
+        ends = np.array([c.control_points[-1] for c in self.pcurves])
+        size = max(float(np.ptp(np.concatenate([c.control_points for c in self.pcurves]), axis=0).max()), 1e-300)
+        gap = np.abs(np.roll(starts, -1, axis=0) - ends).max(axis=1)
+        if gap.max() > 1e-9 * size:
+            raise BadGeometry(
+                "trim loop", f"curve {int(gap.argmax())} ends {gap.max():.3g} away from the start of the next"
+            )
+
+    def polygon(self, per_curve: int = 64) -> np.ndarray:
+        """(m, 2) points of the loop in the parameter plane, the first not repeated."""
+        steps = [np.linspace(*c.domain, per_curve, endpoint=False) for c in self.pcurves]
+        return np.concatenate([c.point(t) for c, t in zip(self.pcurves, steps)])
+
+    def signed_area(self) -> float:
+        """Area in the parameter plane, positive when the loop runs counter-clockwise."""
+        x, y = self.polygon().T
+        return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+
+
+@dataclass(frozen=True, eq=False)
+class TrimmedSurface:
+    """A part of a surface: `loops[0]` bounds it, the others are holes in it.
+
+    Raises  BadGeometry when the outer loop is not counter-clockwise or a hole is not clockwise.
+    """
+
+    surface: BSplineSurface
+    loops: tuple[TrimLoop, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "loops", tuple(self.loops))
+        if not self.loops:
+            raise BadGeometry("trimmed surface", "has no loop")
+        for i, loop in enumerate(self.loops):
+            if (loop.signed_area() > 0) != (i == 0):
+                raise BadGeometry("trimmed surface", f"loop {i} runs {'clockwise' if i == 0 else 'counter-clockwise'}")
+
+
+@dataclass(frozen=True, eq=False)
+class ThickPiece:
+    """A piece of a wall: an outer and an inner sheet, and the surfaces that close it between them.
+
+    outer, inner  one loop each, with as many pcurves as there are wall surfaces; the normals of both sheets point to
+                  the same side, away from the vessel's inside, so the inner one is turned over in the solid
+    wall          wall[k](s, 0) runs along pcurve k of the outer loop and wall[k](s, 1) along pcurve k of the inner
+                  loop, over the same parameter range; wall[k](1, t) is wall[k + 1](0, t)
+    Raises  BadGeometry when the counts differ.
+    """
+
+    outer: TrimmedSurface
+    inner: TrimmedSurface
+    wall: tuple[BSplineSurface, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "wall", tuple(self.wall))
+        for name, sheet in (("outer", self.outer), ("inner", self.inner)):
+            if len(sheet.loops) != 1 or len(sheet.loops[0].pcurves) != len(self.wall):
+                raise BadGeometry(
+                    "thick piece", f"the {name} sheet needs one loop of {len(self.wall)} curves, one a wall surface"
+                )
