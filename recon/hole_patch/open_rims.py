@@ -1,0 +1,98 @@
+"""Borders that run round the whole axis: the mouth, a base that was not scanned, and the holes that run into them.
+
+----------.       .----------  level of the rim: the circle that most of the border keeps to
+           \\     /
+            \\   /             excursion: the hole; it is cut off along the level
+             '-'
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.hole_patch.hole_edges import Cycle
+from recon.hole_patch.surroundings import BRIDGE, Axis
+
+__all__ = ["excursions", "sweep", "winding"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def _turns(cycle: Cycle, axis: Axis) -> Floats:
+    """(n,) angle about the axis from each point to the next."""
+    angle = axis.cylindrical(cycle.points)[:, 0]
+    return np.asarray(np.angle(np.exp(1j * (np.roll(angle, -1) - angle))))
+
+
+def winding(cycle: Cycle, axis: Axis) -> int:
+    """How often a closed line runs round the axis: -1 above a wall (a mouth), +1 below it (a base), 0 for a hole."""
+    return round(float(_turns(cycle, axis).sum()) / (2.0 * np.pi))
+
+
+def sweep(cycle: Cycle, axis: Axis) -> float:
+    """Angle about the axis that a closed line covers, in radians."""
+    return float(np.ptp(np.cumsum(_turns(cycle, axis))))
+
+
+def excursions(cycle: Cycle, axis: Axis, spacing: float) -> list[Cycle]:
+    """Where a line round the axis leaves the level it keeps to otherwise: closed lines, cut off at that level.
+
+    spacing   edge length; what stays within a few of it belongs to the rim
+    A line that keeps to no level, as the edge of a vessel broken in half, has no excursions.
+    """
+    _, radius, height = axis.cylindrical(cycle.points).T
+    share = np.abs(_turns(cycle, axis))
+    level = np.array([_weighted_median(radius, share), _weighted_median(height, share)])
+    off = np.hypot(radius - level[0], height - level[1])
+    usual = _weighted_median(off, share)
+    reach = max(2.0 * spacing, 4.0 * usual)
+    away = off > reach
+    if usual > 2.0 * spacing or away.all() or not away.any():
+        return []
+    deep = [rows for rows in _runs(away) if off[rows].max() > 2.0 * reach and len(rows) > 4]
+    return [_cut_off(cycle, axis, _down_to_rim(rows, cycle.points, off), spacing) for rows in deep]
+
+
+def _down_to_rim(rows: Ints, points: Floats, off: Floats) -> Ints:
+    """The run with what leads to it and from it, as long as that goes rather towards the rim than along it."""
+    n = len(off)
+
+    def lead(start: int, step: int) -> int:
+        ahead = (start + step * np.arange(min(n // 4, 200))) % n
+        way = np.cumsum(np.linalg.norm(np.diff(points[ahead], axis=0), axis=1))
+        return step * int(np.argmin(off[ahead] + 0.45 * np.concatenate([[0.0], way])))
+
+    first, last = int(rows[0]), int(rows[0]) + len(rows) - 1
+    return np.arange(first + lead(first, -1), last + lead(last, 1) + 1) % n
+
+
+def _weighted_median(values: Floats, weights: Floats) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[Ints]:
+    """Cyclic rows of numbers where the flags hold, each with the point before and the point after."""
+    n = len(flags)
+    starts = np.flatnonzero(flags & ~np.roll(flags, 1))
+    ends = np.flatnonzero(flags & ~np.roll(flags, -1))
+    ends = np.roll(ends, -int(np.searchsorted(ends, starts[0])))
+    return [np.arange(s - 1, s + (e - s) % n + 2) % n for s, e in zip(starts, ends)]
+
+
+def _cut_off(cycle: Cycle, axis: Axis, rows: Ints, spacing: float) -> Cycle:
+    """The part of a line that left the rim, closed along the rim."""
+    ends = axis.cylindrical(cycle.points[rows[[-1, 0]]])
+    turn = -float(_turns(cycle, axis)[rows[:-1]].sum())
+    count = int(abs(turn) * ends[:, 1].mean() / spacing)
+    t = (np.arange(1, count + 1) / (count + 1))[:, None]
+    arc = ends[0] + t * (np.array([ends[0, 0] + turn, *ends[1, 1:]]) - ends[0])
+    normals = (1 - t) * cycle.normals[rows[-1]] + t * cycle.normals[rows[0]]
+    return Cycle(
+        np.concatenate([cycle.points[rows], axis.cartesian(arc)]),
+        np.concatenate([cycle.normals[rows], normals]),
+        np.concatenate([cycle.sherds[rows], np.full(count, BRIDGE)]),
+        np.concatenate([cycle.walls[rows], np.full(count, cycle.walls[rows[0]])]),
+        cycle.gap,
+    )

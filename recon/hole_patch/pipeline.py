@@ -1,0 +1,162 @@
+"""From sherds to the missing piece, step by step as in [kinoshita].
+
+    1. surroundings   walls told from fractures, relief removed, the hole's edge found      (3.1, 3.4 step 1)
+    2. sheet          a surface over the hole on each wall, fitted and trimmed              (3.2, 3.4 steps 2 to 5)
+    3. thick piece    the two sheets and the wall between them                              (the paper's future work)
+
+Two roads lead to a sheet. `BOX` is the published one: a box around the hole, cubic sections, a bicubic patch. It meets
+the hole's edge, but says little about the inside of the hole. `WHEEL`, the default, uses what the paper takes for
+granted about its vessels: that they were thrown on a wheel, so that axis and profile are known all around.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from recon.errors import BadOption
+from recon.geometry.mesh import TriangleMesh
+from recon.geometry.trimmed import ThickPiece, TrimmedSurface
+from recon.hole_patch.box_route import box_sheet
+from recon.hole_patch.fitting import distances_from, edge_samples
+from recon.hole_patch.relief import ReliefSheet, continue_relief
+from recon.hole_patch.sheet import Sheet
+from recon.hole_patch.sherds import surroundings
+from recon.hole_patch.surroundings import Surroundings, Wall
+from recon.hole_patch.thickness import offset_sheet, thick_piece
+from recon.hole_patch.wheel_sheet import wheel_sheet
+
+__all__ = ["MissingPiece", "PatchMethod", "PatchOptions", "Relief", "patch_hole"]
+
+Floats = NDArray[np.float64]
+
+
+class PatchMethod(StrEnum):
+    """How the surface over the hole is found."""
+
+    WHEEL = "wheel"
+    BOX = "box"
+
+
+class Relief(StrEnum):
+    """What becomes of the pattern on the outer wall."""
+
+    NONE = "none"
+    CONTINUE = "continue"
+
+
+@dataclass(frozen=True, eq=False)
+class PatchOptions:
+    """What a user may choose.
+
+    method      WHEEL or BOX
+    thickness   of the wall in millimetres, where only the outer wall was scanned; None leaves the piece a face
+    picks       (3, 3) points on the wall around the hole, for BOX; None lets the program find them
+    pass_band   k_PB of the filter that removes the relief
+    hole        number of the hole among `find_holes`, 0 the longest; None takes the longest that can be patched
+    relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL
+    Raises  BadOption.
+    """
+
+    method: PatchMethod = PatchMethod.WHEEL
+    thickness: float | None = None
+    picks: Floats | None = None
+    pass_band: float = 0.01
+    hole: int | None = None
+    relief: Relief = Relief.NONE
+
+    def __post_init__(self) -> None:
+        if self.thickness is not None and not 0 < self.thickness < np.inf:
+            raise BadOption("--thickness", f"must be a positive length in mm, not {self.thickness}")
+        if self.picks is not None and self.method is not PatchMethod.BOX:
+            raise BadOption("--picks", "three points drive the box; give --method box with them")
+        if self.relief is Relief.CONTINUE and self.method is PatchMethod.BOX:
+            raise BadOption("--relief", "is continued around the wheel's axis; leave --method box away")
+        if self.picks is not None and self.hole is not None:
+            raise BadOption("--hole", "the picks already say which hole is meant")
+
+
+@dataclass(frozen=True, eq=False)
+class MissingPiece:
+    """What was found and made.
+
+    method          the road that was taken: BOX also where WHEEL was asked for and the vessel is not round
+    shape           ThickPiece where both walls are known, else the TrimmedSurface of the outer wall
+    outer, inner    the sheets it was made from; inner is None for a face
+    around          walls, edges and axis
+    sample_distance (m,) distances of the measured points near the hole's edge from the outer sheet, in mm
+    relief          where the relief came from and how well it agrees with the wall around; None where not asked for
+    notes           what a user should know about how it was made
+    """
+
+    method: PatchMethod
+    shape: ThickPiece | TrimmedSurface
+    outer: Sheet
+    inner: Sheet | None
+    around: Surroundings
+    sample_distance: Floats
+    relief: ReliefSheet | None = None
+    notes: tuple[str, ...] = field(default=())
+
+
+def patch_hole(
+    sherds: Sequence[TriangleMesh],
+    options: PatchOptions | None = None,
+    *,
+    doing: Callable[[str], None] = lambda step: None,
+) -> MissingPiece:
+    """The piece that is missing between the sherds.
+
+    sherds   in pose, in millimetres: closed with fracture faces, or open outer walls, or one mesh with a hole
+    options  see PatchOptions
+    doing    called with the name of each step
+    Raises   NoHole, NoSurface, NoWall, BadOption, BadGeometry.
+    Paper    [kinoshita], sections 3.1, 3.2 and 3.4.
+    """
+    # the matrices are small: threads of the linear algebra library wait for each other ten times as long as they work
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _patched(sherds, options or PatchOptions(), doing)
+
+
+def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Callable[[str], None]) -> MissingPiece:
+    doing("finding the hole")
+    near = None if options.picks is None else options.picks.mean(axis=0)
+    around = surroundings(sherds, hole=options.hole, near=near, pass_band=options.pass_band)
+    method, notes = _road(around, options)
+    doing("covering the hole")
+    outer = _sheet(around.outer, around, method, picks=options.picks)
+    inner = _inner_sheet(around, outer, method, options)
+    relief = None
+    if options.relief is Relief.CONTINUE and around.axis is not None:
+        doing("continuing the relief")
+        relief = continue_relief(outer, around.outer, around.axis)
+        outer, notes = relief.sheet, (*notes, *relief.sheet.notes)
+    doing("closing the wall")
+    shape = outer.trimmed if inner is None else thick_piece(outer, inner)
+    distance = distances_from(outer.trimmed.surface, edge_samples(around.outer))
+    if around.inner is not None and options.thickness is not None:
+        notes += ("the inner wall was scanned and is followed; the thickness given was not used.",)
+    notes += tuple(f"outer wall: {note}" for note in outer.notes)
+    notes += () if inner is None else tuple(f"inner wall: {note}" for note in inner.notes)
+    return MissingPiece(method, shape, outer, inner, around, distance, relief, notes=notes)
+
+
+def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tuple[str, ...]]:
+    if options.method is PatchMethod.WHEEL and around.axis is None:
+        return PatchMethod.BOX, ("the vessel is not round, so no wheel tells what the hole held: the box is used.",)
+    return options.method, ()
+
+
+def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floats | None = None) -> Sheet:
+    if method is PatchMethod.BOX or around.axis is None:
+        return box_sheet(wall, picks=picks)
+    return wheel_sheet(wall, around.axis)
+
+
+def _inner_sheet(around: Surroundings, outer: Sheet, method: PatchMethod, options: PatchOptions) -> Sheet | None:
+    if around.inner is not None:
+        return _sheet(around.inner, around, method)
+    return None if options.thickness is None else offset_sheet(outer, options.thickness)

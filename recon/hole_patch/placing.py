@@ -1,0 +1,223 @@
+"""Does the piece fit between its neighbours, and from which side can it be set in?
+
+In place a piece may cut into a sherd, or leave a gap; on its way in it may be held by its fracture. All of it is
+measured on the meshes, so that one knows before printing what has to be shaved off.
+
+    gap              overlap               on the way
+    ___  ____        ____                  ___    _____    the piece moved along w in steps; what it claims
+    ___||____        __|_|__                   \\ /        together with the neighbours, at the worst of them
+    sherd piece        |____               _____\\_
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from recon.geometry.arrays import frozen_floats
+from recon.geometry.mesh import TriangleMesh
+from recon.hole_patch.insertion import Passage, Way, best_way, outward_direction, passage_between
+from recon.numerics.distance import TriangleTree
+from recon.numerics.halfedges import vertex_normals
+from recon.numerics.overlap import FacePoints, Solid, face_points, solid
+
+__all__ = ["Neighbour", "Placing", "place"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+TOLERANCE = 0.05  # mm: a fracture is rough, and no direction is perfectly free
+REACH = 3.0  # mm: a sherd farther away is no neighbour
+SPACING, MOST_POINTS = 0.4, 20_000  # mm between points on the fracture, and how many a large piece may have
+POSITIONS = 12  # on the way, at which the overlap is measured; closer together near the place
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """How the piece lies beside one sherd.
+
+    sherd          its number among the sherds given
+    gap_mm         least distance, or, where the two cut into each other, minus the greatest depth
+    overlap_mm3    volume that both claim; None where the sherd or the piece is no closed mesh
+    overlap_share  the same as a share of the piece's volume
+    """
+
+    sherd: int
+    gap_mm: float
+    overlap_mm3: float | None
+    overlap_share: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Placing:
+    """Whether a piece fits.
+
+    neighbours         the sherds near it, in the order given
+    insert_direction   (3,) unit vector along which the piece moves when it is set in; None where no fracture of a
+                       neighbour faces it
+    from_inside        the piece is set in from the vessel's inside
+    undercut_mm        greatest depth, across that direction, by which the fracture is held on its way, its depth in
+                       place included: what has to be shaved off; None without a direction
+    held_share         share of the fracture that is held by more than the tolerance; None without a direction
+    worst_overlap_mm3  greatest volume that piece and neighbours both claim, in place or on the way
+    collision_free     the undercut, and the overlap by its mean depth over the fracture, stay within the tolerance
+    notes              sentences for the report
+    """
+
+    neighbours: tuple[Neighbour, ...]
+    insert_direction: Floats | None
+    from_inside: bool
+    undercut_mm: float | None
+    held_share: float | None
+    worst_overlap_mm3: float | None
+    collision_free: bool | None
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        if self.insert_direction is not None:
+            direction = frozen_floats(self.insert_direction, (3,), "placing: insert_direction")
+            object.__setattr__(self, "insert_direction", direction)
+
+
+def place(piece: TriangleMesh, sherds: Sequence[TriangleMesh], *, tolerance: float = TOLERANCE) -> Placing:
+    """Measure how a closed piece lies between its neighbours, and how it can be set in.
+
+    piece      closed, in place, in millimetres
+    sherds     in pose, closed or open outer walls; those farther than `REACH` are passed over
+    tolerance  millimetres of undercut that do not count as a collision
+    Promises   never fails on a mesh that is not closed: what needs a volume is None then, and the notes say so. Sets
+               in from outside where it can; from inside only where that halves the undercut.
+    """
+    body = solid(piece.vertices, piece.face_vertices)
+    spacing = max(SPACING, float(np.sqrt(np.linalg.norm(piece.area_vectors(), axis=1).sum() / MOST_POINTS)))
+    points = face_points(piece.vertices, piece.face_vertices, spacing)
+    reachable = (_reachable(k, sherd, piece, spacing) for k, sherd in enumerate(sherds))
+    near = [one for one in reachable if one is not None and one.distance(points).min() < REACH]
+    tree = TriangleTree(piece.vertices, piece.face_vertices)
+    neighbours = tuple(_neighbour(one, points, body, tree) for one in near)
+    notes = _notes_on_closedness(body, near)
+    passage = passage_between(points, [(one.mesh, one.normals) for one in near], spacing) if near else None
+    if passage is None:
+        notes.append("No fracture of a sherd faces the piece: the direction to set it in is unknown.")
+        return Placing(neighbours, None, False, None, None, _total(neighbours), None, tuple(notes))
+    way = best_way(passage, outward_direction(points.places, sherds), tolerance)
+    worst = max((_overlap_at(body, near, way, t) for t in _positions(passage, way)), default=None, key=_or_nothing)
+    allowed = tolerance * passage.area()
+    notes += _notes_on_way(way, neighbours, tolerance)
+    return Placing(
+        neighbours,
+        -way.direction,
+        way.from_inside,
+        way.undercut,
+        way.held,
+        worst,
+        way.undercut <= tolerance and _or_nothing(worst) <= allowed,
+        tuple(notes),
+    )
+
+
+class _Near(NamedTuple):
+    """The part of a sherd within reach of the piece, and its inside as a whole."""
+
+    sherd: int
+    mesh: TriangleMesh
+    normals: Floats
+    points: FacePoints
+    solid: Solid | None
+
+    def distance(self, points: FacePoints) -> Floats:
+        """(n,) distance of each point of the piece to the sherd's points, infinite beyond `REACH`."""
+        return np.asarray(cKDTree(self.points.places).query(points.places, distance_upper_bound=REACH)[0])
+
+
+def _reachable(number: int, sherd: TriangleMesh, piece: TriangleMesh, spacing: float) -> _Near | None:
+    """None where no face of the sherd comes near the piece's bounding box."""
+    corners = sherd.corners()
+    low, high = piece.vertices.min(axis=0) - REACH, piece.vertices.max(axis=0) + REACH
+    close = ((corners.max(axis=1) > low) & (corners.min(axis=1) < high)).all(axis=1)
+    if not close.any():
+        return None
+    normals = vertex_normals(sherd.vertices, sherd.face_vertices)[np.unique(sherd.face_vertices[close])]
+    mesh = sherd.part(close)
+    points = face_points(mesh.vertices, mesh.face_vertices, spacing)
+    if len(points.places) == 0:
+        return None
+    return _Near(number, mesh, normals, points, solid(sherd.vertices, sherd.face_vertices))
+
+
+def _neighbour(near: _Near, points: FacePoints, body: Solid | None, piece: TriangleTree) -> Neighbour:
+    tree = TriangleTree(near.mesh.vertices, near.mesh.face_vertices)
+    if body is None or near.solid is None:
+        return Neighbour(near.sherd, _least_gap(near, points, tree, piece), None, None)
+    common = body.common(near.solid)
+    volume = max(common.volume, 0.0)
+    if volume <= 1e-9 * body.volume:
+        return Neighbour(near.sherd, _least_gap(near, points, tree, piece), 0.0, 0.0)
+    return Neighbour(near.sherd, -_depth(common, tree, piece), volume, volume / body.volume)
+
+
+def _least_gap(near: _Near, points: FacePoints, sherd: TriangleTree, piece: TriangleTree) -> float:
+    """From the points of each on the other; only those that may be nearest are measured."""
+    away = near.distance(points)
+    back = cKDTree(points.places).query(near.points.places, distance_upper_bound=REACH)[0]
+    slack = away.min() + 2.0 * SPACING
+    one = sherd.closest(points.places[away <= slack]).distances.min()
+    two = piece.closest(near.points.places[back <= slack]).distances.min(initial=np.inf)
+    return float(min(one, two))
+
+
+def _depth(common: Solid, sherd: TriangleTree, piece: TriangleTree) -> float:
+    """Greatest distance across what two solids share: its points lie on one of them, and so far from the other."""
+    vertices, faces = common.mesh()
+    places = np.concatenate([vertices, face_points(vertices, faces, SPACING).places])
+    return float(np.maximum(sherd.closest(places).distances, piece.closest(places).distances).max())
+
+
+def _positions(passage: Passage, way: Way) -> Floats:
+    """(POSITIONS + 1,) lengths of the way out, from place to just free of the fracture."""
+    return passage.travel(way.direction) * np.linspace(0.0, 1.0, POSITIONS + 1) ** 2
+
+
+def _overlap_at(body: Solid | None, near: list[_Near], way: Way, length: float) -> float | None:
+    """Volume that the moved piece and the neighbours both claim; None where no volume is known."""
+    solids = [one.solid for one in near if one.solid is not None]
+    if body is None or not solids:
+        return None
+    moved = body.moved(length * way.direction)
+    return sum(max(moved.common(other).volume, 0.0) for other in solids)
+
+
+def _or_nothing(value: float | None) -> float:
+    return 0.0 if value is None else value
+
+
+def _total(neighbours: tuple[Neighbour, ...]) -> float | None:
+    known = [one.overlap_mm3 for one in neighbours if one.overlap_mm3 is not None]
+    return sum(known) if known else None
+
+
+def _notes_on_closedness(body: Solid | None, near: list[_Near]) -> list[str]:
+    if body is None:
+        return ["The piece is no closed mesh: overlaps were not measured."]
+    open_ones = [str(one.sherd) for one in near if one.solid is None]
+    if not open_ones:
+        return []
+    which = f"Sherd {open_ones[0]} is" if len(open_ones) == 1 else f"Sherds {', '.join(open_ones)} are"
+    return [f"{which} not closed: only the gap was measured there, not the overlap."]
+
+
+def _notes_on_way(way: Way, neighbours: tuple[Neighbour, ...], tolerance: float) -> list[str]:
+    notes = []
+    if way.from_inside:
+        notes.append("The piece is set in from the vessel's inside: check that it passes through the mouth.")
+    if way.undercut > tolerance:
+        in_place = max([0.0, *(-one.gap_mm for one in neighbours)])
+        notes.append(
+            f"No direction is free: on its best way the piece is held over {way.held:.0%} of its fracture, by up to"
+            f" {way.undercut:.2f} mm, and in place it cuts {in_place:.2f} mm into its neighbours: shave that off, or"
+            " set neighbours in after it."
+        )
+    return notes

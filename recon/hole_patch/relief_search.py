@@ -1,0 +1,232 @@
+"""Where else on the vessel the relief runs as it does around the hole, and what it says about the inside of the hole.
+
+The ring around the hole is laid on the rest of the wall, turned about the axis, moved along the profile, mirrored.
+Each place where it fits is a candidate: what the wall shows there within the ring's outline is a guess for the hole.
+
+      . . . . .             ring, in sectors:  which way of      1 1 2 2        correlation of the ring with the wall
+     . ,-----. .            combining candidates foretells      6 ,---. 3       under all shifts at once: products of
+     . | ??? | .            a sector best that was left out     6 '---' 3       Fourier transforms
+     . '-----' .                                                 5 5 4 4
+      . . . . .
+
+    t        heights on the ring, h those on the wall, m where they are known
+    score    Σ t h / sqrt(Σ t² m Σ h² m_t), the normalised correlation where both are known
+    A, B     heights of every candidate on the ring and in the hole, a row each
+    x        weights of the candidates: minimise Σ_ring w (x A - t)² + λ |x|²; the hole gets x B
+    w        one weight for all cells, or near cells first, for each row or each patch of the hole by itself
+
+Paper  [padfield2012], masked correlation by Fourier transforms; [roweis2000], weights that rebuild a neighbourhood;
+       [buades2005], means over like surroundings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.distance import cdist
+
+from recon.hole_patch.relief_map import ReliefMap
+
+__all__ = ["RECIPES", "Candidates", "Foretelling", "Recipe", "ReliefSearch", "foretell", "predicted"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+MIRRORS = tuple(product((1, -1), repeat=2))
+RING_KNOWN, HOLE_KNOWN = 0.6, 0.7  # least share of ring and hole that a candidate must know
+LESSONS = 1500  # cells of the ring that weights are learned from
+EXAMINED = 800  # cells of a sector that was left out
+ALOOF = 1e-3  # what a far cell counts beside a near one: it steadies patches that see little of the ring
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A way of combining candidates.
+
+    regular  whether the hole is filled from whole candidates, not row by row or patch by patch
+    count    number of candidates
+    apart    least distance in cells between two of them
+    ridge    λ as a share of the candidates' summed power, or None for the mean, weighted by score⁴
+    reach    millimetres in u and s around every patch from which its weights are learned
+    """
+
+    regular: bool
+    count: int
+    apart: int
+    ridge: float | None = None
+    reach: tuple[float, float] = (np.inf, np.inf)
+
+
+RECIPES = (
+    Recipe(True, 60, 0),
+    *(Recipe(True, 100, 2, ridge) for ridge in (1e-3, 1e-2)),
+    *(Recipe(False, 100, 2, ridge, (np.inf, 4.0)) for ridge in (1e-3, 1e-2)),
+    Recipe(False, 100, 2, 1e-3, (4.0, 4.0)),
+)
+
+
+class Candidates(NamedTuple):
+    """Places on the wall: (k,) scores, best first, (k, 2) mirrors of ±1, (k, 2) shifts in its cells, mirrored."""
+
+    score: Floats
+    mirror: Ints
+    shift: Ints
+
+
+class ReliefSearch:
+    """The wall's heights and the ring, transformed once for all questions.
+
+    around   heights of the wall and where they are known
+    hole     (nu, ns) cells to be foretold
+    sectors  (nu, ns) number of the sector of the ring that each cell belongs to, -1 outside the ring
+    """
+
+    def __init__(self, around: ReliefMap, *, hole: Bools, sectors: Ints) -> None:
+        self.known, self.hole, self.sectors, self.cell = around.known & ~hole, hole, sectors, around.cell
+        self.height = around.height * self.known
+        nu, ns = hole.shape
+        self._size = (nu, fft.next_fast_len(2 * ns, real=True))
+        parts = [self.known & (sectors == k) for k in range(self.n_sectors)]
+        masks = [[self._forward(self.height**p * part).conj() for p in range(3)] for part in parts]
+        under = self._forward(hole).conj()
+        sums, places = [], []
+        for mirror, (a, b) in enumerate(MIRRORS):
+            wall = [self._forward((self.height**p * self.known)[::a, ::b]) for p in range(3)]
+            shifts = np.argwhere(self._back(wall[0] * under) >= HOLE_KNOWN * hole.sum())
+            at = tuple(shifts.T)
+            sums.append([[self._back(wall[i] * m[j])[at] for i, j in ((1, 1), (0, 2), (2, 0), (0, 0))] for m in masks])
+            places.append(np.insert(shifts, 0, mirror, axis=1))
+        # (sectors, 4, k): sums of t h, t² m, h² m_t and m m_t where the hole is known; (k, 3): mirror and shift of each
+        self._sums, self._places = np.concatenate(sums, axis=2), np.concatenate(places)
+
+    @property
+    def n_sectors(self) -> int:
+        return int(self.sectors.max()) + 1
+
+    def ring(self, taught: Sequence[int]) -> Ints:
+        """(m, 2) known cells of the given sectors."""
+        return np.argwhere(np.isin(self.sectors, taught) & self.known)
+
+    def at(self, cells: Ints) -> Floats:
+        """(m,) heights at cells (m, 2)."""
+        return np.asarray(self.height[tuple(cells.T)])
+
+    def candidates(self, taught: Sequence[int], *, count: int, apart: int) -> Candidates:
+        """At most `count` places that fit the given sectors of the ring best, `apart` or more cells from each other."""
+        both, ring, wall, cells = self._sums[list(taught)].sum(axis=0)
+        score = both / np.sqrt(np.maximum(ring * wall, 1e-9))
+        score[cells < RING_KNOWN * len(self.ring(taught))] = -1.0
+        fit = np.flatnonzero((score > 0.0) & self._are_peaks(score, apart))
+        best = fit[np.argsort(-score[fit], kind="stable")[:count]]
+        mirror, shift = self._places[best, 0], self._places[best, 1:].copy()
+        shift[:, 1] -= np.where(shift[:, 1] > self._size[1] // 2, self._size[1], 0)
+        return Candidates(score[best], np.array(MIRRORS)[mirror], shift)
+
+    def _are_peaks(self, score: Floats, apart: int) -> Bools:
+        at = tuple(self._places.T)
+        grid = np.full((len(MIRRORS), *self._size), -1.0, dtype=np.float32)
+        grid[at] = score
+        width = 2 * apart + 1
+        return np.asarray(grid[at] >= ndimage.maximum_filter(grid, size=(1, width, width), mode="wrap")[at])
+
+    def heights(self, places: Candidates, cells: Ints) -> tuple[Floats, Bools]:
+        """(k, m) heights of every candidate at cells (m, 2), 0 where not known, and where they are."""
+        nu, ns = self.height.shape
+        height, known = np.empty((len(places.score), len(cells))), np.empty((len(places.score), len(cells)), dtype=bool)
+        for k, ((a, b), shift) in enumerate(zip(places.mirror, places.shift)):
+            i, j = (cells + shift).T
+            on = (j >= 0) & (j < ns)
+            i, j = i % nu, np.clip(j, 0, ns - 1)
+            known[k] = self.known[::a, ::b][i, j] & on
+            height[k] = self.height[::a, ::b][i, j] * known[k]
+        return height, known
+
+    def _forward(self, picture: Floats | Bools) -> NDArray[np.complex64]:
+        return np.asarray(fft.rfft2(picture.astype(np.float32), self._size))
+
+    def _back(self, spectrum: NDArray[np.complex64]) -> NDArray[np.float32]:
+        return np.asarray(fft.irfft2(spectrum, self._size))
+
+
+def predicted(search: ReliefSearch, recipes: Sequence[Recipe], taught: Sequence[int], cells: Ints) -> Floats:
+    """(recipes, m) heights at cells (m, 2) by recipes that see the given sectors of the ring; 0 without candidates."""
+    heights = np.zeros((len(recipes), len(cells)))
+    ring = _thinned(search.ring(taught), LESSONS)
+    for count, apart in {(recipe.count, recipe.apart) for recipe in recipes}:
+        places = search.candidates(taught, count=count, apart=apart)
+        if not len(places.score):
+            continue
+        there, known = search.heights(places, cells)
+        lesson = _Lesson(search.heights(places, ring)[0], search.at(ring), ring * search.cell)
+        for k, recipe in enumerate(recipes):
+            if (recipe.count, recipe.apart) != (count, apart):
+                continue
+            if recipe.ridge is None:
+                weight = places.score[:, None] ** 4
+                heights[k] = (weight * there).sum(axis=0) / np.maximum((weight * known).sum(axis=0), 1e-9)
+            else:
+                heights[k] = lesson.predicted(there, cells * search.cell, recipe)
+    return heights
+
+
+class Foretelling(NamedTuple):
+    """How well a recipe foretells sectors of the ring that were left out: share of their variance explained."""
+
+    recipe: Recipe
+    explained: float
+
+
+def foretell(search: ReliefSearch) -> Foretelling:
+    """The recipe that foretells left-out sectors of the ring best.
+
+    Paper   [wahba1990], cross-validation.
+    """
+    missed, power = np.zeros(len(RECIPES)), 0.0
+    for k in range(search.n_sectors):
+        taught = [j for j in range(search.n_sectors) if j != k]
+        cells = _thinned(search.ring([k]), EXAMINED)
+        true = search.at(cells)
+        power += float((true**2).sum())
+        missed += ((predicted(search, RECIPES, taught, cells) - true) ** 2).sum(axis=1)
+    best = int(np.argmin(missed))
+    return Foretelling(RECIPES[best], 1.0 - float(missed[best]) / max(power, 1e-12))
+
+
+@dataclass(frozen=True, eq=False)
+class _Lesson:
+    """What weights are learned from: (k, m) heights of candidates on the ring, (m,) true ones, (m, 2) places in mm."""
+
+    examples: Floats
+    truth: Floats
+    place: Floats
+
+    def predicted(self, there: Floats, place: Floats, recipe: Recipe) -> Floats:
+        """(n,) heights at places (n, 2), where the candidates show `there` (k, n)."""
+        reach = np.array(recipe.reach)
+        near, far = self.place / reach, place / reach
+        _, patch = np.unique(np.floor(far / 1.5), axis=0, return_inverse=True)
+        middles = np.stack([np.bincount(patch.ravel(), x) / np.bincount(patch.ravel()) for x in far.T], axis=1)
+        weights = np.stack([self._weights(near, middle, recipe) for middle in middles])
+        share = np.exp(-0.5 * cdist(far, middles, "sqeuclidean"))
+        share /= share.sum(axis=1, keepdims=True)
+        return np.asarray(np.einsum("nk,kn->n", share @ weights, there))
+
+    def _weights(self, near: Floats, middle: Floats, recipe: Recipe) -> Floats:
+        assert recipe.ridge is not None  # a mean has no lesson
+        away = ((near - middle) ** 2).sum(axis=1)
+        heed = np.exp(-0.5 * (away - away.min())) + ALOOF
+        weighted = self.examples * heed
+        gram = weighted @ self.examples.T
+        ridge = recipe.ridge * np.trace(gram) + 1e-12
+        return np.asarray(cho_solve(cho_factor(gram + ridge * np.eye(len(gram))), weighted @ self.truth))
+
+
+def _thinned(cells: Ints, most: int) -> Ints:
+    """Every so many-th cell; an odd stride, lest it follow the map's columns."""
+    return cells[:: max(1, 2 * (len(cells) // (2 * most)) + 1)]

@@ -1,0 +1,302 @@
+"""From sherds in pose to the surroundings of the hole between them.
+
+    closed sherds   wall | fracture, outer | inner wall; fracture with nobody against it looks into the hole
+    open walls      border with no other sherd near it; round the axis it is mouth or base, else a hole
+    either way      directed edges between wall and void, joined to closed lines, cleaned
+
+Paper  [kinoshita], sections 3.1 and 3.4 step 1, where the edge is picked by hand.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import BadOption, NoHole
+from recon.geometry.mesh import TriangleMesh
+from recon.hole_patch.assembly import Assembly, assemble, label_groups, steady_normals
+from recon.hole_patch.axis import wheel_axis
+from recon.hole_patch.edge_cleaning import chart_points, clean_rows, crossings, signed_area
+from recon.hole_patch.fracture import looks_into_hole, mated_faces, wall_thickness
+from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_edges
+from recon.hole_patch.open_rims import excursions, sweep, winding
+from recon.hole_patch.smoothing import taubin_smooth
+from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
+from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
+
+__all__ = ["Hole", "find_holes", "surroundings"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+RELIEF_REACH = 2.5  # millimetres: how far from a border smoothing is held back by the vertices that do not move
+LEAST_LENGTH, LEAST_AREA = 8.0, 4.0  # of a hole, in thicknesses and their square; smaller ones are chips
+LEAST_KNOWN = 30.0  # thicknesses: of a line that is mostly unknown, to be worth a word
+SIZEABLE = 0.002  # of all area, to be a sherd of its own
+THICKEST = 0.4  # of a wall, in radii of the vessel
+NEARLY_ROUND = 1.75 * np.pi
+OPEN_THICKNESS = 2.0  # edge lengths that stand for the thickness where only one wall was scanned
+
+
+@dataclass(frozen=True, eq=False)
+class Hole:
+    """A hole between the sherds.
+
+    outer    its edge on the outer wall
+    inner    its edge on the inner wall, or None
+    problem  why it cannot be patched, or an empty text
+    """
+
+    outer: HoleEdge
+    inner: HoleEdge | None
+    problem: str = ""
+
+    @property
+    def length(self) -> float:
+        p = self.outer.points
+        return float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())
+
+    @property
+    def place(self) -> Floats:
+        return np.asarray(self.outer.points.mean(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Reading:
+    """What was understood of the sherds."""
+
+    table: Assembly
+    normals: Floats
+    axis: Axis | None
+    labels: Ints
+    thickness: float
+    closed: Flags
+    cycles: list[Cycle]
+
+
+def surroundings(
+    sherds: Sequence[TriangleMesh], *, hole: int | None = None, near: Floats | None = None, pass_band: float = 0.01
+) -> Surroundings:
+    """The walls around a hole between sherds, the hole's edge on each, and the axis.
+
+    sherds  in pose, in millimetres: closed with fracture faces, or open outer walls, or one mesh with a hole; the parts
+            of a single mesh count as sherds
+    hole    its number among `find_holes`; the largest that can be patched when None
+    near    (3,) a point in the hole that is meant, in place of its number
+    pass_band  of the filter that removes the relief, see `taubin_smooth`
+    Raises  NoHole, NotManifold, BadGeometry; BadOption when there is no hole of that number.
+    Paper   [kinoshita], [taubin1995].
+    """
+    reading = _read(sherds)
+    holes = _holes(reading)
+    if near is not None and holes:
+        hole = min(range(len(holes)), key=lambda k: float(np.linalg.norm(holes[k].place - near)))
+    chosen = _chosen(holes, hole, reading)
+    outer = _wall(reading, OUTER, chosen.outer, pass_band)
+    inner = None if chosen.inner is None else _wall(reading, INNER, chosen.inner, pass_band)
+    return Surroundings(outer, inner, reading.axis, n_holes=len(holes))
+
+
+def find_holes(sherds: Sequence[TriangleMesh]) -> tuple[Hole, ...]:
+    """All holes between the sherds, the longest edge first; mouth and base are none.
+
+    Raises  NoHole when the sherds fit no wheel's axis and so cannot be understood; NotManifold, BadGeometry.
+    """
+    return tuple(_holes(_read(sherds)))
+
+
+def _chosen(holes: list[Hole], number: int | None, reading: _Reading) -> Hole:
+    if not holes:
+        raise NoHole(f"the sherds surround no hole: {_what_was_found(reading)}.")
+    if number is None and reading.axis is None:
+        raise NoHole(
+            "the sherds fit no wheel, so a hole cannot be told from the mouth: "
+            f"choose one of the {len(holes)} open lines by its number (--hole), 0 being the longest."
+        )
+    if number is None:
+        number = next((k for k, hole in enumerate(holes) if not hole.problem), 0)
+    if not 0 <= number < len(holes):
+        raise BadOption("hole", f"must be from 0 to {len(holes) - 1}, not {number}; the longest hole is number 0")
+    if holes[number].problem:
+        x, y, z = holes[number].place
+        raise NoHole(f"the hole near ({x:.3g}, {y:.3g}, {z:.3g}) cannot be patched: {holes[number].problem}.")
+    return holes[number]
+
+
+def _what_was_found(reading: _Reading) -> str:
+    if not reading.cycles:
+        least = LEAST_LENGTH * reading.thickness
+        return f"no line between wall and void is longer than {least:.3g}, eight times the wall's thickness"
+    longest = reading.cycles[0].length
+    return f"of {len(reading.cycles)} open lines, the longest {longest:.3g} long, none runs round a hole in the wall"
+
+
+def _read(sherds: Sequence[TriangleMesh]) -> _Reading:
+    table = assemble(_separate(sherds[0]) if len(sherds) == 1 else sherds)
+    normals = steady_normals(table)
+    closed = _closed_sherds(table)
+    axis = wheel_axis(table.centres, normals, table.areas)
+    if closed.any():
+        return _read_closed(table, normals, axis, closed)
+    void = np.zeros(table.n_faces, dtype=bool)
+    thickness = OPEN_THICKNESS * table.spacing
+    labels = np.full(table.n_faces, OUTER)
+    if axis is not None:
+        labels = label_walls(table, normals, axis, fracture=void, thickness=thickness)
+    cycles = _cycles(table, normals, axis, labels, hole=void, closed=closed, thickness=thickness)
+    return _Reading(table, normals, axis, labels, thickness, closed, cycles)
+
+
+def _separate(mesh: TriangleMesh) -> list[TriangleMesh]:
+    """The connected parts of one mesh, when there are several of size: sherds that came in one file."""
+    table = assemble([mesh])
+    group, area = label_groups(table, np.zeros(table.n_faces, dtype=np.int64))
+    large = np.flatnonzero(area > SIZEABLE * area.sum())
+    return [TriangleMesh(table.vertices, table.faces, mesh.name).part(group == k) for k in large]
+
+
+def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Flags) -> _Reading:
+    if axis is None:
+        raise NoHole(
+            "the sherds fit no wheel: their walls do not recur round any axis, so wall cannot be told from fracture; "
+            "give the outer walls alone, as open meshes."
+        )
+    thickness = wall_thickness(table)
+    if thickness > THICKEST * float(np.quantile(axis.cylindrical(table.centres)[:, 1], 0.95)):
+        raise NoHole("the sherds are no vessel: their walls would be as thick as the whole is wide.")
+    mated = mated_faces(table, normals, 0.4 * thickness)
+    fracture = fracture_faces(table, normals, axis, mated=mated, thickness=thickness)
+    fracture &= closed[table.face_sherd]
+    thickness = wall_thickness(table, fracture)
+    labels = label_walls(table, normals, axis, fracture=fracture, thickness=thickness)
+    wall = labels != FRACTURE
+    axis = wheel_axis(table.centres[wall], normals[wall], table.areas[wall]) or axis
+    hole = looks_into_hole(table, ~wall, mated, radius=0.7 * thickness)
+    cycles = _cycles(table, normals, axis, labels, hole=hole, closed=closed, thickness=thickness)
+    return _Reading(table, normals, axis, labels, thickness, closed, cycles)
+
+
+def _closed_sherds(table: Assembly) -> Flags:
+    """(S,) sherds whose border is at most a few small scanning holes."""
+    ends = table.vertices[table.border_edges]
+    border = np.bincount(
+        table.vertex_sherd[table.border_edges[:, 0]], np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), table.n_sherds
+    )
+    area = np.bincount(table.face_sherd, table.areas, table.n_sherds)
+    return np.asarray((border < 0.5 * np.sqrt(area)) & (area > 0.0))
+
+
+def _cycles(
+    table: Assembly,
+    normals: Floats,
+    axis: Axis | None,
+    labels: Ints,
+    *,
+    hole: Flags,
+    closed: Flags,
+    thickness: float,
+) -> list[Cycle]:
+    lip = np.ones(table.n_faces, dtype=bool)
+    if axis is not None:
+        height = axis.cylindrical(table.centres)[:, 2]
+        lip = height > _lip_height(height)
+    free = free_border(table, closed)
+    void = void_edges(table, labels, hole=hole, free=free, lip=lip, thickness=thickness)
+    return [c for c in hole_cycles(table, normals, labels, void=void) if c.length > LEAST_LENGTH * thickness]
+
+
+def _lip_height(height: Floats) -> float:
+    low, high = np.quantile(height, [0.001, 0.999])
+    return float(high - 0.1 * (high - low))
+
+
+def _holes(reading: _Reading) -> list[Hole]:
+    """Holes on the outer wall, each with its partner on the inner one, longest first."""
+    outer, inner, both = ([c for c in reading.cycles if kind == _kind(c)] for kind in (OUTER, INNER, OUTER + INNER))
+    found = [hole for cycle in both for hole in _over_the_lip(cycle, reading)]
+    for cycle in outer:
+        for part, problem in _parts(cycle, reading):
+            if problem:
+                found.append(Hole(HoleEdge(part.points[::-1], part.sherds[::-1]), None, problem))
+                continue
+            edge, partner = _edge(part, reading, outward=1.0), _partner(part, inner, reading)
+            through = partner is not None or not reading.closed.all()
+            if edge is not None and (through or part.length > LEAST_KNOWN * reading.thickness):
+                found.append(Hole(edge, partner))
+    return sorted(found, key=lambda hole: -hole.length)
+
+
+def _kind(cycle: Cycle) -> int:
+    share = float((cycle.walls == OUTER).mean())
+    return OUTER if share > 0.8 else INNER if share < 0.2 else OUTER + INNER
+
+
+def _over_the_lip(cycle: Cycle, reading: _Reading) -> list[Hole]:
+    """A line that runs over the lip bounds a hole at the rim; elsewhere such a line is a lump."""
+    assert reading.axis is not None  # without it every wall is an outer one
+    height = reading.axis.cylindrical(reading.table.centres)[:, 2]
+    if reading.axis.cylindrical(cycle.points)[:, 2].max() < _lip_height(height):
+        return []
+    return [Hole(HoleEdge(cycle.points[::-1], cycle.sherds[::-1]), None, "it runs out into the rim")]
+
+
+def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, str]]:
+    """The holes that a line on the outer wall bounds, each with what is wrong with it."""
+    axis = reading.axis
+    if cycle.gap > 0.25 * cycle.length:
+        if cycle.length < LEAST_KNOWN * reading.thickness:
+            return []
+        return [(cycle, f"{cycle.gap:.3g} of its edge are missing in one stretch")]
+    if axis is None or reading.closed.any():
+        return [(cycle, "")]
+    turns = winding(cycle, axis)
+    if turns == 0:
+        return [(cycle, "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else "")]
+    mouth = max(_mean_height(c, axis) for c in reading.cycles if winding(c, axis) == turns)
+    at_mouth = turns < 0 and _mean_height(cycle, axis) == mouth
+    parts = excursions(cycle, axis, reading.table.spacing)
+    return [(part, "it runs out into the rim" if at_mouth else "") for part in parts]
+
+
+def _mean_height(cycle: Cycle, axis: Axis) -> float:
+    return float(axis.cylindrical(cycle.points)[:, 2].mean())
+
+
+def _edge(cycle: Cycle, reading: _Reading, *, outward: float) -> HoleEdge | None:
+    """The line, cleaned and turned counter-clockwise seen from outside; None when it surrounds wall, or is a chip.
+
+    outward   1 on the outer wall, -1 on the inner one, whose normals point to the vessel's inside
+    """
+    points, sherds, normals = cycle.points, cycle.sherds, outward * cycle.normals
+    for _ in range(3):  # the chart settles with the line: what was cut off no longer tilts it
+        uv = chart_points(points, normals)
+        rows = clean_rows(points, uv, reading.table.spacing)
+        points, sherds, normals = points[rows], sherds[rows], normals[rows]
+    uv = chart_points(points, normals)
+    area = signed_area(uv)
+    if -outward * area < LEAST_AREA * reading.thickness**2 or len(crossings(uv)):
+        return None
+    turn = slice(None, None, -1 if area < 0 else 1)
+    return HoleEdge(points[turn], sherds[turn])
+
+
+def _partner(outer: Cycle, inner: list[Cycle], reading: _Reading) -> HoleEdge | None:
+    """The edge on the inner wall that runs along the one on the outer wall."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(outer.points)
+    best: tuple[float, HoleEdge | None] = (3.0 * reading.thickness, None)
+    for cycle in inner:
+        distance = float(np.median(tree.query(cycle.points)[0]))
+        if distance < best[0] and 0.4 < cycle.length / outer.length < 2.5:
+            edge = _edge(cycle, reading, outward=-1.0)
+            best = (distance, edge) if edge is not None else best
+    return best[1]
+
+
+def _wall(reading: _Reading, side: int, edge: HoleEdge, pass_band: float) -> Wall:
+    measured, sherds = wall_mesh(reading.table, reading.labels == side, turned=side == INNER)
+    trust = wall_trust(measured, reach=max(RELIEF_REACH, 3.0 * reading.table.spacing))
+    return Wall(measured, taubin_smooth(measured, pass_band=pass_band), sherds, trust, edge)

@@ -1,0 +1,94 @@
+"""The wall around a hole laid flat in millimetres: coordinates (u, v, d) from the wheel's profile.
+
+hole in the side: rolled out            hole over the axis, or near it: spread out from the axis
+      v = s ^   .---.                            v ^  .-----.
+            |  ( hole)                             | (  hole ) s - s_0 from the axis, at the angle θ
+            |   '---'                              |  '--x--'  x the axis
+            +---------> u = r̄ θ                    +-----------> u
+
+s        length along the profile, s_0 where it crosses the axis
+r̄        mean radius of the hole's edge
+d        distance from the turned profile, positive away from the vessel's inside
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.hole_patch.profile import Profile, wall_profile
+from recon.hole_patch.surroundings import Axis, Wall
+
+__all__ = ["DiskChart", "RolledChart", "WheelChart", "wheel_chart"]
+
+Floats = NDArray[np.float64]
+
+
+class WheelChart(Protocol):
+    """Both charts turn right-handed (u, v) into normals away from the vessel's inside."""
+
+    def flat(self, points: Floats) -> Floats:
+        """(m, 3) u, v and d of points (m, 3)."""
+
+    def space(self, flat: Floats) -> Floats:
+        """(m, 3) points of (u, v, d) rows (m, 3): the inverse of `flat`."""
+
+    def stretch(self, v: Floats) -> Floats:
+        """(m,) millimetres on the wall for a millimetre of u."""
+
+    def limits(self) -> tuple[Floats, Floats]:
+        """Lowest and highest (u, v) that the chart can hold."""
+
+
+@dataclass(frozen=True, eq=False)
+class RolledChart:
+    """u around the axis, v along the profile."""
+
+    profile: Profile
+    mean_radius: float
+
+    def flat(self, points: Floats) -> Floats:
+        return self.profile.chart(points) * [self.mean_radius, 1.0, 1.0]
+
+    def space(self, flat: Floats) -> Floats:
+        return self.profile.space(flat / [self.mean_radius, 1.0, 1.0])
+
+    def stretch(self, v: Floats) -> Floats:
+        return self.profile.radius(v) / self.mean_radius
+
+    def limits(self) -> tuple[Floats, Floats]:
+        half_turn = 0.98 * np.pi * self.mean_radius
+        low, high = self.profile.curve.domain
+        return np.array([-half_turn, low]), np.array([half_turn, high])
+
+
+@dataclass(frozen=True, eq=False)
+class DiskChart:
+    """Lengths along the profile from the axis, in the direction of θ: without a seam and, over the axis, smooth."""
+
+    profile: Profile
+    crossing: float
+
+    def flat(self, points: Floats) -> Floats:
+        angle, s, d = self.profile.chart(points).T
+        return np.stack([(s - self.crossing) * np.sin(angle), (s - self.crossing) * np.cos(angle), d], axis=1)
+
+    def space(self, flat: Floats) -> Floats:
+        u, v, d = flat.T
+        return self.profile.space(np.stack([np.arctan2(u, v), self.crossing + np.hypot(u, v), d], axis=1))
+
+    def stretch(self, v: Floats) -> Floats:
+        return np.ones_like(v)
+
+    def limits(self) -> tuple[Floats, Floats]:
+        return np.full(2, -np.inf), np.full(2, np.inf)
+
+
+def wheel_chart(wall: Wall, axis: Axis) -> WheelChart:
+    """The chart that suits the hole in a wall; raises NoSurface as `wall_profile` does."""
+    profile = wall_profile(wall, axis)
+    if profile.crossing is not None:
+        return DiskChart(profile, profile.crossing)
+    s = profile.foot(axis.cylindrical(wall.edge.points)[:, 1:])
+    return RolledChart(profile, float(profile.radius(s).mean()))

@@ -1,0 +1,257 @@
+"""One wall of the missing piece from the prior of the wheel: turned profile, thin residual, and the hole's edge.
+
+Near its edge alone a hole says nothing about its middle. A thrown vessel does: its profile, read off the whole turn,
+fills the hole up to a few tenths of a millimetre, a thin plate takes what the wheel left out of round, and in the last
+millimetres the face gives way to the edge that was measured.
+
+    d ^      edge                         edge
+      |     --x                            x--     wall as scanned, with relief
+      |   ~~~~ \\__                      __/ ~~~~   ~ wall in the mean
+      |           '----. plate  .------'
+      +-----------------------------------> along the wall
+
+    u, v     the wall laid flat in millimetres (`recon.hole_patch.wheel_chart`)
+    d        distance from the turned profile
+    e        what is left at the edge above profile and plate
+    ℓ        length over which e fades into the face, d += e exp(-(distance / ℓ)²)
+
+Paper  [kinoshita], section 3.4, for the fitted and trimmed face; [piegl1997], section 9.2.5, for the tensor spline.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.interpolate import make_interp_spline
+from scipy.spatial import cKDTree
+
+from recon.errors import NoSurface
+from recon.geometry.bspline import BSplineSurface
+from recon.geometry.trimmed import TrimmedSurface
+from recon.hole_patch.profile import vertex_areas_and_normals
+from recon.hole_patch.residual import Ring, fit_residual, tensor_rows
+from recon.hole_patch.sheet import Sheet
+from recon.hole_patch.surroundings import Axis, Wall
+from recon.hole_patch.trim_loop import parameter_loop
+from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
+from recon.numerics.bspline_basis import greville, uniform_knots
+from recon.numerics.foot_points import foot_points
+
+__all__ = ["wheel_sheet"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+MARGIN = 5.0  # mm of face beyond the hole, so that no trim curve comes near the border
+SPAN = 1.0  # mm between the face's knots: half of what the edge is smoothed over on either side
+MOST_SPANS = 64
+SMOOTHED = 0.8  # mm along the edge: two vertices of a scan, shorter than any relief
+SPACING = 0.2  # mm between points of the edge where e is known
+REJECTED = 0.02  # largest share of edge points that may be taken for chips
+SMALLEST_CHIP = 0.2  # mm; what stands off by less is relief or noise
+ASTRAY = 1.0  # mm; no relief or pose stands so far off where most of the edge does not
+MEETINGS = 4  # rounds in which the face is drawn to the edge that it missed
+NEIGHBOURS = 16  # points of the edge that a node averages over: 1.5 mm to either side
+OUT_OF_ROUND = 2.0  # mm; relief is well below, a wrong axis well above
+FADING = (1.5, 6.0)  # mm: what the knots can follow, and a quarter of the widest ring
+
+
+@dataclass(frozen=True, eq=False)
+class _Face:
+    """A rectangle of the chart under bicubic splines, interpolated at the products of their Greville abscissae."""
+
+    chart: WheelChart
+    knots: tuple[Floats, Floats]
+
+    def nodes(self) -> Floats:
+        """(nu ns, 2) u and s of the abscissae."""
+        u, s = (_abscissae(k) for k in self.knots)
+        return np.stack(np.meshgrid(u, s, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    def interpolated(self, values: Floats) -> Floats:
+        """(nu, ns, k) coefficients of the splines that take the values (nu ns, k) at the nodes."""
+        u, s = (_abscissae(k) for k in self.knots)
+        rows = make_interp_spline(u, values.reshape(len(u), len(s), -1), k=3, t=self.knots[0]).c
+        return make_interp_spline(s, rows.transpose(1, 0, 2), k=3, t=self.knots[1]).c.transpose(1, 0, 2)
+
+    def surface(self, distance: Floats) -> BSplineSurface:
+        """The bicubic surface at the distances (nu ns,) from the turned profile."""
+        return BSplineSurface(
+            3, 3, *self.knots, self.interpolated(self.chart.space(np.column_stack([self.nodes(), distance])))
+        )
+
+
+def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
+    """One wall of the missing piece as a trimmed bicubic surface.
+
+    n_curves  number of curves that the trim loop is cut into
+    Promises  S_u x S_v points away from the vessel's inside; u and v are millimetres of the wall laid flat; `base` is
+              the face before it gave way to the edge. Chips in the edge (at most one point in fifty) and
+              stretches that strayed from the wall do not draw the face and are left out of `edge_distance`; the notes
+              count them.
+    Raises    NoSurface when the wall around the hole gives no profile or no ring, or is so far from round that the
+              ring cannot be foretold from itself.
+    """
+    chart = wheel_chart(wall, axis)
+    edge = chart.flat(wall.edge.points)
+    ring = _ring(wall, chart, edge)
+    residual = fit_residual(ring, chart.stretch)
+    if residual.foretold > OUT_OF_ROUND:
+        raise NoSurface(
+            f"The wall around the hole is not round: left-out parts of it were missed by {residual.foretold:.1f} mm on"
+            f" average (allowed {OUT_OF_ROUND:g}); use the box method."
+        )
+    left = edge[:, 2] - residual.at(edge[:, :2])
+    measured = wall.edge.sherds >= 0
+    sound = _sound(left, _loop_length(wall.edge.points), measured)
+    face = _face(chart, edge)
+    distance = residual.at(face.nodes())
+    base = face.surface(distance)
+    surface = face.surface(_drawn_to_edge(face, distance, _even_edge(edge, left, sound)))
+    uv = foot_points(surface, wall.edge.points, edge[:, :2])
+    off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
+    trimmed = TrimmedSurface(surface, (parameter_loop(surface, uv, n_curves=n_curves),))
+    return Sheet(trimmed, off[sound], len(ring.distance), 4, base=base, notes=_notes(measured, sound))
+
+
+def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
+    """The wall as scanned within reach of the hole: half the hole's width, but 12 to 24 mm."""
+    width = float(np.clip(0.5 * np.ptp(edge[:, :2], axis=0).min(), 12.0, 24.0))
+    away = cKDTree(wall.edge.points).query(wall.measured.vertices, distance_upper_bound=width)[0]
+    near = np.flatnonzero(away < width)
+    if len(near) == 0:
+        raise NoSurface(f"No wall was found within {width:.0f} mm of the hole's edge.")
+    flat = chart.flat(wall.measured.vertices[near])
+    areas, normals = vertex_areas_and_normals(wall.measured)
+    outward = chart.space(flat + np.array([0.0, 0.0, 1.0])) - wall.measured.vertices[near]
+    facing = np.einsum("ij,ij->i", outward, normals[near])
+    low, high = chart.limits()
+    inside = ((flat[:, :2] > low) & (flat[:, :2] < high)).all(axis=1) & (facing > 0.5)
+    middle = 0.5 * (edge[:, :2].min(axis=0) + edge[:, :2].max(axis=0))
+    _check_around(flat[inside, :2] - middle, width)
+    kept = near[inside]
+    # the farther ring counts less, and fades out, so that its width decides little
+    weight = areas[kept] * facing[inside] * (1.0 - (away[kept] / width) ** 2) ** 2
+    return Ring(flat[inside, :2], flat[inside, 2], weight, middle, width)
+
+
+def _check_around(away: Floats, width: float) -> None:
+    """Half of the turn around the hole must be wall: a hole at the rim has none above it."""
+    sixteenth = np.unique((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) * 16).astype(np.int64) % 16)
+    if len(away) < 100 or len(sixteenth) < 8:
+        raise NoSurface(
+            f"Too little of the wall lies within {width:.0f} mm of the hole: {len(away)} vertices, on"
+            f" {len(sixteenth)} of 16 sides of it; give the sherds around it."
+        )
+
+
+def _face(chart: WheelChart, edge: Floats) -> _Face:
+    """The hole's rectangle in the chart with a margin, as far as the chart goes."""
+    low, high = edge[:, :2].min(axis=0) - MARGIN, edge[:, :2].max(axis=0) + MARGIN
+    least, greatest = chart.limits()
+    low, high = np.maximum(low, least), np.minimum(high, greatest)
+    spans = np.clip(np.ceil((high - low) / SPAN), 8, MOST_SPANS).astype(int)
+    return _Face(chart, (_knots(spans[0], low[0], high[0]), _knots(spans[1], low[1], high[1])))
+
+
+def _abscissae(knots: Floats) -> Floats:
+    # the mean of equal knots may round to a value beyond them, which the interpolation refuses
+    return np.clip(greville(knots, 3), knots[0], knots[-1])
+
+
+def _knots(spans: int, low: float, high: float) -> Floats:
+    return uniform_knots(int(spans) + 3, 3, low, high)
+
+
+def _sound(left: Floats, length: Floats, measured: Bools) -> Bools:
+    """(n,) points of the edge that were measured, on the wall, and are no chips.
+
+    A chip stands off from the 5 mm of edge around it; a stretch that strayed into the fracture, from all the rest.
+    """
+    off = np.abs(left - _running_median(left, length, 2.5))
+    usual = 1.4826 * float(np.median(off[measured]))
+    allowed = float(np.quantile(off[measured], 1.0 - REJECTED))
+    astray = np.abs(left - np.median(left[measured]))
+    on_wall = astray <= max(6.0 * 1.4826 * float(np.median(astray[measured])), ASTRAY)
+    return measured & on_wall & (off <= max(6.0 * usual, allowed, SMALLEST_CHIP))
+
+
+def _loop_length(loop: Floats) -> Floats:
+    """(n + 1,) length along a closed polyline at its points and, last, all around."""
+    steps = np.linalg.norm(np.diff(loop, axis=0, append=loop[:1]), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _running_median(values: Floats, length: Floats, half_width: float) -> Floats:
+    """(n,) median of the values within a half width on either side along a closed polyline."""
+    n = max(32, round(10 * length[-1] / half_width))
+    at = np.linspace(0.0, length[-1], n, endpoint=False)
+    even = np.interp(at, length[:-1], values, period=length[-1])
+    median = np.median([np.roll(even, k) for k in range(-10, 11)], axis=0)
+    return np.interp(length[:-1], at, median, period=length[-1])
+
+
+def _even_edge(edge: Floats, left: Floats, sound: Bools) -> Floats:
+    """(k, 3) u, s and e at even steps along the edge, e averaged over `SMOOTHED`, bridges and chips filled."""
+    length = _loop_length(edge[:, :2])
+    at = np.linspace(0.0, length[-1], max(16, round(length[-1] / SPACING)), endpoint=False)
+    place = [np.interp(at, length[:-1], column, period=length[-1]) for column in edge[:, :2].T]
+    e = np.interp(at, length[:-1][sound], left[sound], period=length[-1])
+    half = round(0.5 * SMOOTHED / SPACING)
+    return np.stack([*place, np.mean([np.roll(e, k) for k in range(-half, half + 1)], axis=0)], axis=1)
+
+
+def _drawn_to_edge(face: _Face, distance: Floats, edge: Floats) -> Floats:
+    """(nu ns,) distances at the nodes that meet the edge (k, 3): what is missed there is faded into the face.
+
+    A spline cannot follow every turn of the edge at once: what it missed is added again, a few times over.
+    """
+    fade = _fade(face, edge)
+    at_edge = tensor_rows(*face.knots, edge[:, :2])
+    missed = edge[:, 2]
+    drawn = distance
+    start = at_edge @ face.interpolated(distance).ravel()
+    for _ in range(MEETINGS):
+        drawn = drawn + fade @ missed
+        missed = edge[:, 2] - (at_edge @ face.interpolated(drawn).ravel() - start)
+    return drawn
+
+
+def _fade(face: _Face, edge: Floats) -> "sparse.csr_array":
+    """(nu ns, k) weights by which each node takes part in what is left at the points of the edge.
+
+    Each row averages over the nearest stretch of the edge and sums to exp(-(distance / ℓ)²).
+    """
+    nodes = face.nodes()
+    reach = _fading_length(edge)
+    around = face.chart.space(np.column_stack([nodes, np.zeros(len(nodes))]))
+    place = face.chart.space(np.column_stack([edge[:, :2], np.zeros(len(edge))]))
+    away, nearest = cKDTree(place).query(around, k=NEIGHBOURS)
+    used = away[:, 0] < 3.0 * reach
+    away, nearest = away[used], nearest[used]
+    share = np.exp(-(away**2 - away[:, :1] ** 2) / (2 * SPAN**2 / 4))
+    share *= (np.exp(-((away[:, 0] / reach) ** 2)) / share.sum(axis=1))[:, None]
+    row = np.repeat(np.flatnonzero(used), NEIGHBOURS)
+    return sparse.csr_array((share.ravel(), (row, nearest.ravel())), shape=(len(nodes), len(edge)))
+
+
+def _fading_length(edge: Floats) -> float:
+    """ℓ: the distance along the edge at which e has forgotten itself, its autocorrelation fallen to 1/e.
+
+    A sherd out of place by a tenth bends the face gently over many millimetres, relief and chips over one or two: the
+    best guess at a distance from the edge has the covariance of what is guessed.
+    """
+    e = edge[:, 2]
+    power = np.abs(np.fft.rfft(e)) ** 2
+    correlation = np.fft.irfft(power, len(e))
+    below = np.flatnonzero(correlation[: len(e) // 2] < correlation[0] / np.e)
+    forgotten = below[0] if len(below) else len(e) // 2
+    return float(np.clip(forgotten * SPACING, *FADING))
+
+
+def _notes(measured: Bools, sound: Bools) -> tuple[str, ...]:
+    chips = int((measured & ~sound).sum())
+    if not chips:
+        return ()
+    return (f"{chips} of {int(measured.sum())} points of the hole's edge stand off from the others and were left out.",)
