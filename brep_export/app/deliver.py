@@ -1,0 +1,66 @@
+"""From a kernel shape to files on disk and the JSON object: gate, writers, picture, all or nothing."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from OCP.TopoDS import TopoDS_Shape
+
+from brep_export.app.outputs import MESH_ENDINGS
+from brep_export.app.workshop import Bench
+from brep_export.check import CheckReport, ShapeKind, check
+from brep_export.file_header import FileHeader
+from brep_export.outputs import write_outputs
+from brep_export.read_back import ReadBack
+from brep_export.step import StepSchema
+from recon.tolerance import Tolerance
+
+__all__ = ["Delivery", "gate", "write_files"]
+
+Delivery = tuple[CheckReport, list[str]]
+Painter = Callable[[Path], None]
+
+
+def gate(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, bench: Bench) -> CheckReport:
+    """Draw the gate's lines on the shape; the report says what came out."""
+    with bench.phase("check", "proving the shape"):
+        return check(shape, tolerance, expect=expect)
+
+
+def write_files(
+    shape: TopoDS_Shape, report: CheckReport, request: Mapping[str, Any], bench: Bench, *, paint: Painter
+) -> Delivery:
+    """Write every output that was asked for, and the picture; nothing when the gate refused and nobody forced it.
+
+    paint    draws the picture into a file
+    Returns  the report with the read-back line added, and the paths written
+    Raises   NotWritten.
+    """
+    if not report.passed and not request.get("force"):
+        return report, []
+    picture = request.get("picture")
+    with bench.phase("write", "writing and reading back"):
+        read_back = write_outputs(
+            shape,
+            report.triangles(),
+            request["outputs"],
+            header=FileHeader(name=request.get("name") or "missing piece"),
+            schema=StepSchema[request.get("schema", "AP214")],
+            allow_change=bool(request.get("force")),
+            beside={} if picture is None else {picture: paint},
+            announce=bench.staged,
+        )
+    written = [*request["outputs"], *([] if picture is None else [picture])]
+    return _with_worst(report, read_back), written
+
+
+def _with_worst(report: CheckReport, read_back: tuple[ReadBack, ...]) -> CheckReport:
+    """Line 7 for the file that changed most."""
+    if not read_back:
+        return report
+    return report.with_read_back(max(read_back, key=lambda r: (not r.same, abs(r.volume_change or 0.0))))
+
+
+def print_formats(request: Mapping[str, Any]) -> list[str]:
+    """The outputs that are meant for printing and need a closed body."""
+    return [path for path in request["outputs"] if Path(path).suffix.lower() in MESH_ENDINGS[:2]]

@@ -1,0 +1,188 @@
+"""Work in a child process, so that a crash of the kernel, or a job that never ends, becomes one sentence.
+
+     front desk (this process, light)              workshop (spawned, holds the kernel)
+     ---------------------------------             -------------------------------------
+     run(job, request)  ---- request ------------> job(request, Bench)
+       progress line    <--- ("doing", text) -----   bench.phase("read") ...
+       notes            <--- ("note", text) ------   bench.note("...")
+       clean-up list    <--- ("staged", path) ----   a temporary file exists from now on
+       Outcome          <--- ("done", dict) ------   or ("refused", ...) or ("bad input", ...)
+
+Whatever ends the workshop early, the front desk removes the temporary files that it was told of.
+"""
+
+import importlib
+import multiprocessing
+import os
+import signal
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from enum import IntEnum
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from recon.errors import InputError, ReconError
+
+__all__ = ["Bench", "Exit", "Outcome", "run"]
+
+
+class Exit(IntEnum):
+    """Exit status of the command line."""
+
+    WRITTEN = 0
+    REFUSED = 1
+    BAD_INPUT = 2
+    INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a job ended.
+
+    status   exit status
+    result   the JSON object of the command, or None where nothing could be said but `reasons`
+    reasons  why it was refused, one sentence each
+    trace    where a fault of our own was raised, for a report to the authors
+    """
+
+    status: Exit
+    result: dict[str, Any] | None = None
+    reasons: tuple[str, ...] = ()
+    trace: str = ""
+
+
+@dataclass
+class Bench:
+    """What a job holds while it works: phases that are timed and announced, notes, and staged files."""
+
+    send: Callable[[tuple[str, Any]], None]
+    seconds: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    started: float = field(default_factory=time.perf_counter)
+
+    @contextmanager
+    def phase(self, key: str, doing: str) -> Iterator[None]:
+        """Announce `doing` and add the time it takes to `seconds[key]`."""
+        self.doing(doing)
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[key] = self.seconds.get(key, 0.0) + time.perf_counter() - begin
+
+    def elapsed(self) -> float:
+        """Seconds since the bench was set up."""
+        return time.perf_counter() - self.started
+
+    def doing(self, text: str) -> None:
+        self.send(("doing", text))
+
+    def note(self, text: str) -> None:
+        """Tell the user something at once, and keep it for the answer."""
+        self.notes.append(text)
+        self.send(("note", text))
+
+    def staged(self, path: Path) -> None:
+        """Tell the front desk of a temporary file, which it removes if this process cannot."""
+        self.send(("staged", str(path)))
+
+
+def run(
+    job: str,
+    request: dict[str, Any],
+    *,
+    timeout: float | None = None,
+    doing: Callable[[str], None] = lambda text: None,
+    note: Callable[[str], None] = lambda text: None,
+) -> Outcome:
+    """Run a job in a fresh process and wait for its end, at most `timeout` seconds.
+
+    job    `module:function`, imported in the workshop only, since it loads the kernel; the function takes the request
+           and a Bench, and returns the fields of an Outcome
+    doing  called with each new step's name
+    note   called with each remark or warning
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_work, args=(theirs, job, request), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        return _listen(process, ours, timeout, doing, note)
+    finally:
+        process.kill()
+        process.join()
+
+
+def _listen(
+    process: Any,
+    ours: Connection,
+    timeout: float | None,
+    doing: Callable[[str], None],
+    note: Callable[[str], None],
+) -> Outcome:
+    deadline = None if timeout is None else time.monotonic() + timeout
+    step, staged, outcome = "starting", [], None
+    try:
+        while outcome is None:
+            if not ours.poll(None if deadline is None else max(0.0, deadline - time.monotonic())):
+                outcome = _late(step, timeout)
+                break
+            kind, value = ours.recv()
+            if kind == "doing":
+                step = value
+                doing(value)
+            elif kind == "note":
+                note(value)
+            elif kind == "staged":
+                staged.append(Path(value))
+            else:
+                outcome = value
+    except EOFError:
+        process.join()
+        outcome = _crashed(step, process.exitcode)
+    finally:
+        process.kill()
+        process.join()
+        for path in staged:
+            path.unlink(missing_ok=True)
+    return outcome
+
+
+def _late(step: str, timeout: float | None) -> Outcome:
+    reason = f"stopped after {timeout:g} s while {step}; nothing was written. Allow more time with --timeout."
+    return Outcome(Exit.REFUSED, reasons=(reason,))
+
+
+def _crashed(step: str, exitcode: int | None) -> Outcome:
+    name = signal.Signals(-exitcode).name if exitcode is not None and exitcode < 0 else f"exit status {exitcode}"
+    return Outcome(Exit.REFUSED, reasons=(f"the work broke off while {step} ({name}); nothing was written.",))
+
+
+def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
+    """Life of the workshop: one job, then the end. What libraries print must not reach the caller's output."""
+    if not request.get("debug"):
+        sink = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(sink, 1)
+        os.dup2(sink, 2)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    bench = Bench(pipe.send)
+    try:
+        module, function = job.split(":")
+        outcome = Outcome(*getattr(importlib.import_module(module), function)(request, bench))
+    except ReconError as problem:
+        status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
+        outcome = Outcome(status, reasons=(str(problem),))
+    except MemoryError:
+        outcome = Outcome(Exit.REFUSED, reasons=("not enough memory for this input; nothing was written.",))
+    except Exception as fault:  # noqa: BLE001 - the last door: a fault of our own must still end in a sentence
+        place = traceback.extract_tb(fault.__traceback__)[-1]
+        where = f"{Path(place.filename).name}:{place.lineno}"
+        reason = f"a fault in recon-brep itself ({type(fault).__name__}: {fault}; {where})"
+        outcome = Outcome(Exit.REFUSED, reasons=(reason,), trace=traceback.format_exc())
+    pipe.send(("outcome", outcome))
+    pipe.close()

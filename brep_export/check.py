@@ -1,0 +1,295 @@
+"""The gate: whether a kernel shape is what it claims to be, line by line, and where it is not.
+
+The kernel's own check alone calls a box turned inside out valid, and a solid that cuts itself, so a solid passes when
+all of these hold.  A line that rests on an earlier one is drawn only where the earlier one passed: an effect is not
+reported beside its cause.
+
+    1  every shell closed, in one piece, and marked so      shell-open  shell-in-pieces  shell-flag  no-solid  no-shell
+    2  every edge used twice, in opposite directions        edge-overused  face-flipped  free-edge
+    3  the kernel's check; tolerance >= gap; <= asked for   kernel-invalid  edge-gap  vertex-gap  tolerance
+    4  triangles: all faces, closed, oriented, no cuts      face-without-triangles  mesh-...  self-intersection
+    5  volume positive, and the triangles agree             inside-out  volume-mismatch
+    6  the point at infinity is outside                     infinity-inside
+    7  read back from the file, the same                    read-back-...
+
+Shells and faces that are meant to be open pass with what applies: 2 (but for free edges), 3, 4 (but for closing), 7.
+"""
+
+from dataclasses import dataclass, replace
+from math import degrees, dist
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.BRepCheck import BRepCheck_Status
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
+from OCP.TopAbs import TopAbs_State
+from OCP.TopoDS import TopoDS_Shape
+
+from brep_export.check_geometry import (
+    edge_gaps,
+    gap_defects,
+    kernel_defects,
+    max_edge_angle,
+    max_tolerance,
+    tolerance_defects,
+)
+from brep_export.check_topology import (
+    EdgeUses,
+    ShapeKind,
+    closing_defects,
+    edge_polyline,
+    edge_use_defects,
+    edge_uses,
+)
+from brep_export.kernel_settings import KERNEL_FAILURES
+from brep_export.measures import ShapeMeasures, measure
+from brep_export.read_back import ReadBack
+from brep_export.triangulation import ShapeTriangulation, triangulate
+from recon.errors import GateFailed
+from recon.geometry.mesh import TriangleMesh
+from recon.geometry.promises import Defect, triangle_mesh_defects
+from recon.tolerance import Tolerance
+
+__all__ = ["CheckReport", "ShapeKind", "check"]
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class CheckReport:
+    """What the gate found.
+
+    defects        every broken line, each with its place
+    max_gap        largest distance between an edge and its faces or vertices
+    max_edge_angle radians, between tangent planes along inner edges; reported, never judged
+    triangulation  the triangles of the shape, for pictures and mesh files
+    free_edges     polylines of the edges with one face
+    """
+
+    expected: ShapeKind
+    measures: ShapeMeasures | None
+    defects: tuple[Defect, ...]
+    valid: bool = False
+    closed: bool = False
+    max_tolerance: float = 0.0
+    max_gap: float = 0.0
+    max_edge_angle: float = 0.0
+    self_intersections: int = 0
+    triangulation: TriangleMesh | None = None
+    free_edges: tuple[tuple[Point, ...], ...] = ()
+    read_back: ReadBack | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether no line is broken."""
+        return not self.defects
+
+    @property
+    def verdict(self) -> str:
+        """`pass` or `refused`."""
+        return "pass" if self.passed else "refused"
+
+    def require(self) -> "CheckReport":
+        """The report itself; raises GateFailed with the defects when there are any."""
+        if self.defects:
+            raise GateFailed(self.defects)
+        return self
+
+    def triangles(self) -> TriangleMesh:
+        """The triangulation of a shape that has one; raises GateFailed where the shape has no faces."""
+        if self.triangulation is None:
+            raise GateFailed(self.defects)
+        return self.triangulation
+
+    def with_read_back(self, read_back: ReadBack) -> "CheckReport":
+        """The report with line 7 added."""
+        return replace(self, read_back=read_back, defects=self.defects + read_back.defects)
+
+    def as_json(self) -> dict[str, object]:
+        """The `kernel` object of the command line's JSON."""
+        m = self.measures
+        return {
+            "type": str(m.kind) if m else None,
+            "valid": self.valid,
+            "closed": self.closed,
+            "solids": m.solids if m else 0,
+            "shells": m.shells if m else 0,
+            "faces": m.faces if m else 0,
+            "edges": m.edges if m else 0,
+            "free_edges": len(self.free_edges),
+            "volume": m.volume if m else None,
+            "area": m.area if m else None,
+            "bounding_box": [list(corner) for corner in m.bounding_box] if m else None,
+            "max_tolerance": self.max_tolerance,
+            "max_gap": self.max_gap,
+            "max_edge_angle_deg": degrees(self.max_edge_angle),
+            "self_intersections": self.self_intersections,
+            "read_back": self.read_back.as_json() if self.read_back else None,
+        }
+
+
+def check(
+    shape: TopoDS_Shape,
+    tolerance: Tolerance,
+    *,
+    expect: ShapeKind = ShapeKind.SOLID,
+    deflection: float | None = None,
+) -> CheckReport:
+    """Draw every line of the gate that applies; never raises on a bad shape, and never changes it.
+
+    expect      SOLID: one or several solids and nothing else; SHELL, FACE: one, open or closed; COMPOUND: any mixture
+    deflection  length, how far triangles may stay from the faces; a thousandth of the diagonal when None
+    """
+    if shape.IsNull():
+        return CheckReport(expect, None, (Defect("no-shape", "there is no shape"),))
+    try:
+        return _drawn(shape, tolerance, expect, deflection=deflection)
+    except KERNEL_FAILURES as failure:
+        sentence = f"the kernel gave up looking at the shape ({type(failure).__name__})"
+        return CheckReport(expect, None, (Defect("kernel-failure", sentence),))
+
+
+def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, deflection: float | None) -> CheckReport:
+    uses = edge_uses(shape)
+    if not uses.faces:
+        return CheckReport(expect, None, (Defect("no-face", "the shape has no faces"),))
+    measures = measure(shape)
+    closing = closing_defects(uses)
+    structure = closing + edge_use_defects(uses) + ([] if closing else _free_edge_defects(uses))
+    gaps = edge_gaps(uses)
+    fit = gap_defects(uses, gaps) + tolerance_defects(uses, shape, tolerance.fit)
+    valid, invalid = kernel_defects(shape, _explained(structure + fit))
+    deflection = deflection or max(1e-3 * dist(*measures.bounding_box), 1e-9)
+    triangles, mesh_defects, cuts = _triangulation_defects(shape, uses, deflection, closes=not structure)
+    defects = _kind_defects(uses, expect) + structure + fit + invalid + mesh_defects
+    if not structure and not triangles.missing and uses.is_solid.any():
+        defects += _volume_defects(measures, triangles, uses, deflection)
+    free = uses.free_edges()
+    return CheckReport(
+        expect,
+        measures,
+        tuple(defects),
+        valid=valid,
+        closed=not free and not structure,
+        max_tolerance=max_tolerance(shape),
+        max_gap=gaps.largest(),
+        max_edge_angle=max_edge_angle(uses),
+        self_intersections=cuts,
+        triangulation=triangles.mesh,
+        free_edges=tuple(tuple(edge_polyline(edge)) for edge in free),
+    )
+
+
+def _kind_defects(uses: EdgeUses, expect: ShapeKind) -> list[Defect]:
+    solids, others = int(uses.is_solid.sum()), int((~uses.is_solid).sum())
+    if expect is ShapeKind.SOLID and not solids:
+        return [Defect("no-solid", "the shape has no solid", None, 0.0, 1.0)]
+    if expect is ShapeKind.SOLID and others:
+        return [Defect("beside-solids", "there are faces that belong to no solid", None, float(others), 0.0)]
+    if expect is ShapeKind.SHELL and [*uses.body_kinds] != [ShapeKind.SHELL]:
+        return [Defect("not-a-shell", "the shape is not one shell")]
+    if expect is ShapeKind.FACE and len(uses.faces) != 1:
+        return [Defect("not-a-face", "the shape is not one face", None, float(len(uses.faces)), 1.0)]
+    return []
+
+
+def _free_edge_defects(uses: EdgeUses) -> list[Defect]:
+    """Free edges of solids whose shells the kernel calls closed all the same."""
+    body, edge, count, _ = uses.counts()
+    free = edge[(count == 1) & uses.is_solid[body]]
+    if not len(free):
+        return []
+    place = edge_polyline(uses.edges[free[0]])[0]
+    return [Defect("free-edge", "edges of a solid with one face only", place, float(len(free)), 0.0)]
+
+
+def _explained(defects: list[Defect]) -> set[BRepCheck_Status]:
+    """What the kernel's check may say of defects that were found already."""
+    return set().union(*(_EXPLAINS.get(defect.code, set()) for defect in defects)) if defects else set()
+
+
+_S = BRepCheck_Status
+_OPEN = {
+    _S.BRepCheck_NotClosed,
+    _S.BRepCheck_FreeEdge,
+    _S.BRepCheck_BadOrientationOfSubshape,
+    _S.BRepCheck_NotConnected,
+}
+_OPEN |= {_S.BRepCheck_InvalidMultiConnexity, _S.BRepCheck_UnorientableShape, _S.BRepCheck_InvalidImbricationOfShells}
+_OFF = {_S.BRepCheck_InvalidCurveOnSurface, _S.BRepCheck_InvalidSameParameterFlag, _S.BRepCheck_InvalidToleranceValue}
+_OFF |= {_S.BRepCheck_UnorientableShape}  # said of a face one of whose edges failed
+_OFF |= {_S.BRepCheck_InvalidPointOnCurve, _S.BRepCheck_InvalidPointOnCurveOnSurface, _S.BRepCheck_InvalidSameRangeFlag}
+_EXPLAINS = dict.fromkeys(("shell-open", "shell-in-pieces", "edge-overused", "face-flipped", "free-edge"), _OPEN)
+_EXPLAINS |= dict.fromkeys(("edge-gap", "vertex-gap", "tolerance"), _OFF)
+
+
+def _triangulation_defects(
+    shape: TopoDS_Shape, uses: EdgeUses, deflection: float, *, closes: bool
+) -> tuple[ShapeTriangulation, list[Defect], int]:
+    """Line 4.  Coarse triangles of a thin wall may cut where the faces do not, so cuts are looked at again closer."""
+    triangles = triangulate(shape, deflection)
+    defects = _mesh_defects(triangles, uses, closes=closes)
+    if any(d.code == "self-intersection" for d in defects):
+        finer = triangulate(shape, deflection / 4, angle=0.2)
+        defects = _mesh_defects(finer, uses, closes=closes)
+        triangles = triangles if any(d.code == "self-intersection" for d in defects) else finer
+    cuts = sum(int(d.measured or 0) for d in defects if d.code == "self-intersection")
+    return triangles, defects, cuts
+
+
+def _mesh_defects(triangles: ShapeTriangulation, uses: EdgeUses, *, closes: bool) -> list[Defect]:
+    if triangles.missing:
+        what = "faces that cannot be triangulated"
+        return [
+            Defect("face-without-triangles", what, _place_of(uses, triangles.missing[0]), len(triangles.missing), 0.0)
+        ]
+    found: dict[str, Defect] = {}
+    for body, solid in enumerate(uses.is_solid):
+        rows = np.flatnonzero(uses.face_body[triangles.triangle_face] == body)
+        for defect in triangle_mesh_defects(triangles.mesh.part(rows), closed=bool(solid)):
+            if closes or defect.code == "mesh-cuts-itself":
+                found.setdefault(defect.code, defect)
+    cut = found.pop("mesh-cuts-itself", None)
+    return [*found.values()] + ([replace(cut, code="self-intersection", what=_CUTS)] if cut else [])
+
+
+_CUTS = "faces that cut themselves or each other, in pairs of triangles"
+
+
+def _place_of(uses: EdgeUses, face: int) -> Point | None:
+    rows: NDArray[np.int64] = np.flatnonzero(uses.face == face)
+    return edge_polyline(uses.use_edges[rows[0]])[0] if len(rows) else None
+
+
+def _volume_defects(
+    measures: ShapeMeasures, triangles: ShapeTriangulation, uses: EdgeUses, deflection: float
+) -> list[Defect]:
+    """Lines 5 and 6; that infinity is inside follows from a negative volume, so it is asked of positive ones only."""
+    if min(measures.solid_volumes) <= 0.0:
+        sentence = "the volume of a solid is negative: its faces look inward"
+        return [Defect("inside-out", sentence, None, min(measures.solid_volumes), 0.0)]
+    solids = [body for body, is_solid in zip(uses.bodies, uses.is_solid) if is_solid]
+    return _volume_mismatch(measures, triangles, uses, deflection) + _infinity_defects(solids)
+
+
+def _volume_mismatch(
+    measures: ShapeMeasures, triangles: ShapeTriangulation, uses: EdgeUses, deflection: float
+) -> list[Defect]:
+    body_of_triangle = uses.face_body[triangles.triangle_face]
+    for body, volume in enumerate(measures.solid_volumes):
+        mesh = triangles.mesh.part(np.flatnonzero(body_of_triangle == body))
+        area = float(np.linalg.norm(mesh.area_vectors(), axis=1).sum())
+        between, allowed = abs(volume - mesh.volume()), area * deflection + 2e-3 * volume
+        if between > allowed:
+            sentence = "the kernel's volume and that of the triangles disagree"
+            return [Defect("volume-mismatch", sentence, None, between, allowed)]
+    return []
+
+
+def _infinity_defects(solids: list[TopoDS_Shape]) -> list[Defect]:
+    for solid in solids:
+        classifier = BRepClass3d_SolidClassifier(solid)
+        classifier.PerformInfinitePoint(1e-7)
+        if classifier.State() != TopAbs_State.TopAbs_OUT:
+            return [Defect("infinity-inside", "the point at infinity is not outside the solid")]
+    return []

@@ -1,0 +1,263 @@
+"""How far edges are from their faces, and how smoothly faces meet: line 3 of the gate.
+
+An edge is known two or three times over: as a curve in space and as a curve on each of its faces.  Its tolerance
+must cover the distance between these curves, and the distance of its ends from its vertices.
+
+gap    largest distance between the curve in space and the curve on a face, or of an end from its vertex
+angle  between the tangent planes of two faces at a point of their common edge; 0 where they join smoothly
+"""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from math import atan2, inf
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
+from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Status
+from OCP.BRepLib import BRepLib_ValidateEdge
+from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
+from OCP.gp import gp_Pnt, gp_Vec
+from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+from brep_export.check_topology import EdgeUses, edge_polyline, sub_shapes
+from recon.geometry.promises import Defect
+
+__all__ = [
+    "EdgeGaps",
+    "edge_gaps",
+    "gap_defects",
+    "kernel_defects",
+    "max_tolerance",
+    "tolerance_defects",
+    "max_edge_angle",
+]
+
+Floats = NDArray[np.float64]
+Point = tuple[float, float, float]
+
+_SLACK = 1.001  # tolerances are set from measured gaps, and a second measurement may differ in the last digits
+_FINEST = 1e-7  # the kernel never takes a tolerance below this one seriously
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeGaps:
+    """Measured gaps: of each use (M,) between curve and curve on face, and of each edge (E,) to its vertices."""
+
+    on_faces: Floats
+    at_ends: Floats
+
+    def largest(self) -> float:
+        """The largest gap of all that could be measured; 0 for a shape without edges."""
+        every = np.concatenate([self.on_faces, self.at_ends])
+        every = every[np.isfinite(every)]
+        return float(every.max()) if len(every) else 0.0
+
+
+def edge_gaps(uses: EdgeUses) -> EdgeGaps:
+    """Measure every gap of every edge; infinite where a curve is missing."""
+    surfaces = [_surface(face) for face in uses.faces]
+    on_faces = [_gap_on_face(e, uses.faces[f], surfaces[f]) for e, f in zip(uses.use_edges, uses.face)]
+    return EdgeGaps(
+        np.array(on_faces, dtype=np.float64), np.array([_gap_at_ends(e) for e in uses.edges], dtype=np.float64)
+    )
+
+
+def _surface(face: TopoDS_Face) -> BRepAdaptor_Surface | None:
+    return None if BRep_Tool.Surface_s(face) is None else BRepAdaptor_Surface(face, False)
+
+
+def _gap_on_face(edge: TopoDS_Edge, face: TopoDS_Face, surface: BRepAdaptor_Surface | None) -> float:
+    if surface is None or not _has_curves(edge, face):
+        return inf
+    on_face = Adaptor3d_CurveOnSurface(BRepAdaptor_Curve2d(edge, face), surface)
+    curve = BRepAdaptor_Curve(edge)
+    measure = BRepLib_ValidateEdge(curve, on_face, BRep_Tool.SameParameter_s(edge))
+    # a spline edge may leave its face between two samples of a fixed number
+    measure.SetControlPointsNumber(
+        max(22, 4 * curve.NbKnots()) if curve.GetType() == GeomAbs_CurveType.GeomAbs_BSplineCurve else 22
+    )
+    measure.Process()
+    return float(measure.GetMaxDistance())
+
+
+def _has_curves(edge: TopoDS_Edge, face: TopoDS_Face) -> bool:
+    on_face = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
+    return BRep_Tool.Curve_s(edge, 0.0, 0.0) is not None and on_face is not None
+
+
+def _gap_at_ends(edge: TopoDS_Edge) -> float:
+    if BRep_Tool.Curve_s(edge, 0.0, 0.0) is None:
+        return inf
+    curve = BRepAdaptor_Curve(edge)
+    gaps = [0.0]
+    for vertex in sub_shapes(edge, TopAbs_ShapeEnum.TopAbs_VERTEX):
+        vertex = TopoDS.Vertex_s(vertex)
+        gaps.append(curve.Value(BRep_Tool.Parameter_s(vertex, edge)).Distance(BRep_Tool.Pnt_s(vertex)))
+    return max(gaps)
+
+
+def gap_defects(uses: EdgeUses, gaps: EdgeGaps) -> list[Defect]:
+    """Edges that are farther from a face, or from a vertex, than the kernel was told."""
+    edge_tolerance = np.array([BRep_Tool.Tolerance_s(e) for e in uses.edges], dtype=np.float64)
+    end_tolerance = np.array([max([t, *_vertex_tolerances(e)]) for t, e in zip(edge_tolerance, uses.edges)])
+    rows = (
+        (
+            "edge-gap",
+            "an edge lies off its face by more than its tolerance",
+            gaps.on_faces,
+            edge_tolerance[uses.edge],
+            uses.edge,
+        ),
+        (
+            "vertex-gap",
+            "an edge ends off its vertex by more than the tolerance",
+            gaps.at_ends,
+            end_tolerance,
+            range(len(uses.edges)),
+        ),
+    )
+    defects = []
+    for code, sentence, gap, allowed, edges in rows:
+        excess = np.where(np.isfinite(gap), gap - _SLACK * np.maximum(allowed, _FINEST), -1.0)
+        if len(excess) and excess.max() > 0.0:
+            worst = int(np.argmax(excess))
+            points = edge_polyline(uses.edges[edges[worst]], 3)
+            defects.append(Defect(code, sentence, points[len(points) // 2], float(gap[worst]), float(allowed[worst])))
+    return defects
+
+
+def _vertex_tolerances(edge: TopoDS_Edge) -> Iterator[float]:
+    return (BRep_Tool.Tolerance_s(TopoDS.Vertex_s(v)) for v in sub_shapes(edge, TopAbs_ShapeEnum.TopAbs_VERTEX))
+
+
+def max_tolerance(shape: TopoDS_Shape) -> float:
+    """The largest tolerance of any face, edge or vertex."""
+    return max(float(BRep_Tool.MaxTolerance_s(shape, kind)) for kind in _TOLERANT)
+
+
+def tolerance_defects(uses: EdgeUses, shape: TopoDS_Shape, allowed: float) -> list[Defect]:
+    """A tolerance above the one asked for: then the kernel calls things joined that are not."""
+    largest = max_tolerance(shape)
+    if largest <= allowed * _SLACK:
+        return []
+    wide = [e for e in uses.edges if max([BRep_Tool.Tolerance_s(e), *_vertex_tolerances(e)]) >= largest]
+    where = edge_polyline(wide[0])[0] if wide else None
+    return [Defect("tolerance", "a tolerance above the one asked for", where, largest, allowed)]
+
+
+def kernel_defects(shape: TopoDS_Shape, explained: Collection[BRepCheck_Status] = ()) -> tuple[bool, list[Defect]]:
+    """Whether the kernel's own check, geometry included, finds the shape valid, and what it finds unexplained.
+
+    explained  findings that another line of the gate has named already
+    """
+    analyzer = BRepCheck_Analyzer(shape, True, False, False)
+    if analyzer.IsValid():
+        return True, []
+    found: dict[BRepCheck_Status, Point | None] = {}
+    for kind in _CHECKED:
+        for part in _each_once(shape, kind):
+            for status in _findings(analyzer, part, shape):
+                found.setdefault(status, _place(part))
+    found.pop(BRepCheck_Status.BRepCheck_NoError, None)
+    told = [s for s in found if s not in explained]
+    named = [str(s).rpartition("BRepCheck_")[2] for s in told]
+    if not named and (found or explained):
+        return False, []
+    sentence = f"the kernel's own check fails ({', '.join(named) or 'without a reason'})"
+    return False, [Defect("kernel-invalid", sentence, found[told[0]] if told else None)]
+
+
+def _findings(analyzer: BRepCheck_Analyzer, part: TopoDS_Shape, shape: TopoDS_Shape) -> Iterator[BRepCheck_Status]:
+    result = analyzer.Result(part)
+    if result is None:
+        return
+    yield from result.Status()
+    result.InitContextIterator()
+    while result.MoreShapeInContext():
+        yield from result.StatusOnShape()
+        result.NextShapeInContext()
+
+
+def _each_once(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
+    found = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, found)
+    return (found(i) for i in range(1, found.Extent() + 1))
+
+
+def _place(part: TopoDS_Shape) -> Point | None:
+    vertex = next(sub_shapes(part, TopAbs_ShapeEnum.TopAbs_VERTEX), None)
+    return None if vertex is None else BRep_Tool.Pnt_s(TopoDS.Vertex_s(vertex)).Coord()
+
+
+def max_edge_angle(uses: EdgeUses, n: int = 7) -> float:
+    """The largest angle in radians between tangent planes along the edges that two faces, or a seam, share.
+
+    n  samples an edge; those where a surface has no normal (the tip of a cone) are left out
+    """
+    rows = _inner_edge_uses(uses)
+    if not len(rows):
+        return 0.0
+    surfaces = {f: _surface(uses.faces[f]) for f in np.unique(uses.face[rows])}
+    one, other = (np.array([_normals(uses, use, surfaces, n) for use in column]) for column in rows.T)
+    sine = np.linalg.norm(np.cross(one, other), axis=2)
+    cosine = np.einsum("eij,eij->ei", one, other)
+    angles = np.array([atan2(s, c) for s, c in zip(sine.ravel(), cosine.ravel()) if s > 0.0 or c != 0.0])
+    return float(angles.max()) if len(angles) else 0.0
+
+
+def _inner_edge_uses(uses: EdgeUses) -> NDArray[np.int64]:
+    """(K, 2) the two uses of every edge that has two within its body."""
+    order = np.lexsort((uses.edge, uses.body))
+    key = np.stack([uses.body[order], uses.edge[order]], axis=1)
+    same = (key[1:] == key[:-1]).all(axis=1)
+    # three or more uses in a row are no inner edge
+    alone_before = np.concatenate([[True], ~same[:-1]]) if len(same) else same
+    alone_after = np.concatenate([~same[1:], [True]]) if len(same) else same
+    first = np.flatnonzero(same & alone_before & alone_after)
+    return np.stack([order[first], order[first + 1]], axis=1)
+
+
+def _normals(uses: EdgeUses, use: int, surfaces: dict[int, BRepAdaptor_Surface | None], n: int) -> Floats:
+    """(n, 3) unit normals of the face along one use of an edge, pointing out of the body; zero where there is none."""
+    edge, face = uses.use_edges[use], uses.faces[uses.face[use]]
+    surface = surfaces[int(uses.face[use])]
+    if surface is None or BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) is None:
+        return np.zeros((n, 3))
+    sign = -1.0 if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
+    if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
+        plane = surface.Plane()
+        normal = plane.Axis().Direction().XYZ().Multiplied(sign if plane.Direct() else -sign)
+        return np.tile(normal.Coord(), (n, 1))
+    curve = BRepAdaptor_Curve2d(edge, face)
+    # the very ends of an edge may lie on a collapsed side, where a normal is all rounding
+    t = np.linspace(0.001, 0.999, n) * (curve.LastParameter() - curve.FirstParameter()) + curve.FirstParameter()
+    point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    rows = []
+    for parameter in t.tolist():
+        on_face = curve.Value(parameter)
+        surface.D1(on_face.X(), on_face.Y(), point, along_u, along_v)
+        rows.append((along_u.X(), along_u.Y(), along_u.Z(), along_v.X(), along_v.Y(), along_v.Z()))
+    table = np.array(rows)
+    normals = sign * np.cross(table[:, :3], table[:, 3:])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    least = (
+        1e-9 * np.linalg.norm(table[:, :3], axis=1, keepdims=True) * np.linalg.norm(table[:, 3:], axis=1, keepdims=True)
+    )
+    return np.where(length > least, normals / np.where(length > 0.0, length, 1.0), 0.0)
+
+
+_CHECKED = (
+    TopAbs_ShapeEnum.TopAbs_SOLID,
+    TopAbs_ShapeEnum.TopAbs_SHELL,
+    TopAbs_ShapeEnum.TopAbs_FACE,
+    TopAbs_ShapeEnum.TopAbs_WIRE,
+    TopAbs_ShapeEnum.TopAbs_EDGE,
+    TopAbs_ShapeEnum.TopAbs_VERTEX,
+)
+_TOLERANT = (TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_VERTEX)

@@ -1,0 +1,129 @@
+"""How large a shape is, how many parts it has, and what kind it is.
+
+Volumes are integrated by Gauss-Kronrod rules.  The kernel's adaptive Gauss integration, the one that takes an epsilon
+alone, was wrong by up to 9 % on faces bounded by one long spline edge while it reported an error of 1e-8, and its
+plain integration by 1 %; see `measure`.
+"""
+
+from dataclasses import dataclass
+
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepGProp import BRepGProp
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+from brep_export.check_topology import ShapeKind, sub_shapes
+
+__all__ = ["ShapeMeasures", "measure", "kind_of", "count"]
+
+Point = tuple[float, float, float]
+
+_SOLID, _SHELL, _FACE, _EDGE = (
+    TopAbs_ShapeEnum.TopAbs_SOLID,
+    TopAbs_ShapeEnum.TopAbs_SHELL,
+    TopAbs_ShapeEnum.TopAbs_FACE,
+    TopAbs_ShapeEnum.TopAbs_EDGE,
+)
+
+
+@dataclass(frozen=True)
+class ShapeMeasures:
+    """Figures of one shape, lengths in its own unit.
+
+    edges         without the collapsed sides of patches, which no file keeps
+    solid_volumes signed, one a solid: negative for one that is inside out
+    centroid      of the volume, or of the area when there is no solid
+    bounding_box  lowest and highest corner
+    """
+
+    kind: ShapeKind
+    solids: int
+    shells: int
+    faces: int
+    edges: int
+    solid_volumes: tuple[float, ...]
+    area: float
+    centroid: Point
+    bounding_box: tuple[Point, Point]
+
+    @property
+    def volume(self) -> float | None:
+        """The sum over the solids; None when there is none."""
+        return sum(self.solid_volumes) if self.solid_volumes else None
+
+
+def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3) -> ShapeMeasures:
+    """Measure a shape with the kernel's own geometry.
+
+    relative_error  of the volume of a face, asked of the Gauss-Kronrod rule; what comes out is usually ten times better
+    """
+    solids = list(sub_shapes(shape, _SOLID))
+    of_area, of_volume = GProp_GProps(), GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, of_area)
+    for solid in solids:
+        BRepGProp.VolumeProperties_s(
+            solid, of_volume
+        )  # for the centroid, which takes Gauss-Kronrod three times as long
+    centre = (of_volume if solids else of_area).CentreOfMass()
+    return ShapeMeasures(
+        kind_of(shape),
+        len(solids),
+        count(shape, _SHELL),
+        count(shape, _FACE),
+        _count_edges(shape),
+        tuple(_volume(solid, relative_error) for solid in solids),
+        float(of_area.Mass()),
+        (centre.X(), centre.Y(), centre.Z()),
+        _bounding_box(shape),
+    )
+
+
+def _volume(solid: TopoDS_Shape, relative_error: float) -> float:
+    properties = GProp_GProps()
+    BRepGProp.VolumePropertiesGK_s(solid, properties, relative_error, False, False, False, False, False)
+    return float(properties.Mass())
+
+
+def kind_of(shape: TopoDS_Shape) -> ShapeKind:
+    """What a shape is by its contents: one solid, one shell or one face, whatever it is wrapped in; else a compound."""
+    solids, shells, faces = count(shape, _SOLID), count(shape, _SHELL), count(shape, _FACE)
+    loose_shells = _loose(shape, _SHELL, _SOLID)
+    loose_faces = _loose(shape, _FACE, _SHELL)
+    if solids == 1 and not loose_shells and not loose_faces:
+        return ShapeKind.SOLID
+    if solids == 0 and shells == 1 and not loose_faces:
+        return ShapeKind.SHELL
+    return ShapeKind.FACE if solids == shells == 0 and faces == 1 else ShapeKind.COMPOUND
+
+
+def count(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
+    """How many different parts of a kind there are."""
+    return len(_parts(shape, kind))
+
+
+def _parts(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
+    found = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, found)
+    return [found(i) for i in range(1, found.Extent() + 1)]
+
+
+def _count_edges(shape: TopoDS_Shape) -> int:
+    return sum(not BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)) for edge in _parts(shape, _EDGE))
+
+
+def _loose(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum) -> bool:
+    return next(sub_shapes(shape, kind, outside), None) is not None
+
+
+def _bounding_box(shape: TopoDS_Shape) -> tuple[Point, Point]:
+    box = Bnd_Box()
+    BRepBndLib.AddOptimal_s(shape, box, False, False)
+    if box.IsVoid():
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    low, high = box.CornerMin(), box.CornerMax()
+    return (low.X(), low.Y(), low.Z()), (high.X(), high.Y(), high.Z())

@@ -1,0 +1,88 @@
+"""Several files of one shape, all or none, each in the format of its ending."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from OCP.TopoDS import TopoDS_Shape
+
+from brep_export.brep_file import write_brep
+from brep_export.file_header import FileHeader
+from brep_export.iges import write_iges
+from brep_export.measures import ShapeMeasures, measure
+from brep_export.mesh_files import MESH_ENDINGS, write_mesh
+from brep_export.read_back import BREP_ENDINGS, IGES_ENDINGS, STEP_ENDINGS, ReadBack
+from brep_export.staging import staged
+from brep_export.step import StepSchema, write_step
+from recon.errors import NotWritten, ReconError, UnsupportedFormat
+from recon.geometry.mesh import TriangleMesh
+
+__all__ = ["WRITABLE", "require_writable", "write_outputs"]
+
+WRITABLE = STEP_ENDINGS + IGES_ENDINGS + BREP_ENDINGS + MESH_ENDINGS
+
+
+def require_writable(paths: Sequence[str | Path]) -> None:
+    """Before any work: raises UnsupportedFormat for the first path whose ending names no format."""
+    for path in paths:
+        if Path(path).suffix.lower() not in WRITABLE:
+            raise UnsupportedFormat(str(path), WRITABLE)
+
+
+def write_outputs(
+    shape: TopoDS_Shape,
+    mesh: TriangleMesh,
+    paths: Sequence[str | Path],
+    *,
+    header: FileHeader = FileHeader(),  # noqa: B008  (frozen)
+    schema: StepSchema = StepSchema.AP214,
+    allow_change: bool = False,
+    beside: Mapping[str, Callable[[Path], None]] | None = None,
+    announce: Callable[[Path], None] = lambda path: None,
+) -> tuple[ReadBack, ...]:
+    """Write one shape to every path, read each file again, and put them in place together.
+
+    mesh          triangles of the shape, for the mesh formats
+    allow_change  put files in place even when they read back as something else; what changed is in the result
+    beside        further files that belong to the same result, each with the function that writes it
+    announce      called with the path of every temporary file before it is made
+    Promises      when anything fails no path has changed.
+    Raises        UnsupportedFormat; NotWritten naming the path and what changed.
+    """
+    require_writable(paths)
+    measures = measure(shape)
+    beside = beside or {}
+    with staged(*paths, *beside, announce=announce) as temporary:
+        results = []
+        for path, written in zip(paths, temporary):
+            result = _write_one(shape, mesh, (Path(path), written), header=header, schema=schema, measures=measures)
+            if result.defects and not allow_change:
+                raise NotWritten(str(path), "; ".join(str(defect) for defect in result.defects))
+            results.append(result)
+        for write, path in zip(beside.values(), temporary[len(paths) :]):
+            write(path)
+    return tuple(results)
+
+
+def _write_one(
+    shape: TopoDS_Shape,
+    mesh: TriangleMesh,
+    place: tuple[Path, Path],
+    *,
+    header: FileHeader,
+    schema: StepSchema,
+    measures: ShapeMeasures,
+) -> ReadBack:
+    path, written = place
+    ending = path.suffix.lower()
+    try:
+        if ending in STEP_ENDINGS:
+            return write_step(shape, written, header=header, schema=schema, measures=measures)
+        if ending in IGES_ENDINGS:
+            return write_iges(shape, written, header=header, measures=measures)
+        if ending in BREP_ENDINGS:
+            return write_brep(shape, written, measures=measures)
+        return write_mesh(mesh, written, header=header)
+    except NotWritten as failure:
+        raise NotWritten(str(path), failure.problem) from failure
+    except ReconError as failure:
+        raise NotWritten(str(path), f"it cannot be read back ({failure})") from failure

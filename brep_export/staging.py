@@ -1,0 +1,57 @@
+"""Files that appear whole or not at all.
+
+Everything is written under a hidden name beside its place, looked at, and renamed only when all of it is good.  What
+stood there before stays until then, and stays for good when anything fails.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from os import W_OK, access, getpid
+from pathlib import Path
+
+from recon.errors import NotWritten
+
+__all__ = ["staged"]
+
+
+@contextmanager
+def staged(*paths: str | Path, announce: Callable[[Path], None] = lambda path: None) -> Iterator[tuple[Path, ...]]:
+    """Temporary paths, one beside each path and with its ending; renamed together when the block ends well.
+
+    announce  called with each temporary path before the block, for whoever must clean up when the process dies
+    Promises  when the block raises, the temporary files are gone and the paths are as they were.
+    Raises    NotWritten when a path is a directory or its folder is missing or closed to writing (before the block),
+              or when the block left a file unwritten.
+    """
+    targets = [Path(path) for path in paths]
+    for target in targets:
+        _require_place(target)
+    temporary = tuple(t.with_name(f".{t.stem}.{getpid()}.{i}{t.suffix}") for i, t in enumerate(targets))
+    for path in temporary:
+        announce(path)
+    try:
+        yield temporary
+        for target, written in zip(targets, temporary):
+            if not written.is_file() or written.stat().st_size == 0:
+                raise NotWritten(str(target), "nothing came out of the writer")
+        for target, written in zip(targets, temporary):
+            _rename(written, target)
+    finally:
+        for written in temporary:
+            written.unlink(missing_ok=True)
+
+
+def _require_place(target: Path) -> None:
+    if target.is_dir():
+        raise NotWritten(str(target), "a directory of that name is in the way")
+    if not target.parent.is_dir():
+        raise NotWritten(str(target), f"there is no folder {target.parent}")
+    if not access(target.parent, W_OK):
+        raise NotWritten(str(target), f"the folder {target.parent} may not be written to")
+
+
+def _rename(written: Path, target: Path) -> None:
+    try:
+        written.replace(target)
+    except OSError as failure:
+        raise NotWritten(str(target), f"it could not be put in place ({failure.strerror})") from failure

@@ -1,0 +1,152 @@
+"""Triangles of a kernel shape, joined along its edges by what is shared and not by what lies near.
+
+The kernel triangulates face by face, each face with nodes of its own.  Nodes on an edge are the same in all faces of
+that edge, in the same order, so they are given one number; nodes at the ends of edges take the number of the vertex,
+and all nodes on a collapsed side of a patch become one.
+
+       face 1  o---o---o   nodes 4 5 6        edge: 4 5 6 of face 1 = 9 8 7 of face 2
+               o---o---o   nodes 9 8 7        -> three vertices of the mesh, not six
+       face 2
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.BRep import BRep_Tool
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.Poly import Poly_Triangulation
+from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
+from OCP.TopExp import TopExp
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+from brep_export.check_topology import sub_shapes
+from recon.geometry.mesh import TriangleMesh
+
+__all__ = ["ShapeTriangulation", "triangulate"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_EDGE, _FACE, _VERTEX = TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_VERTEX
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeTriangulation:
+    """Triangles of every face.
+
+    mesh           all triangles, outward as the faces are; vertices joined along shared edges
+    triangle_face  (T,) number of the face of each triangle, in the order of the faces of the shape
+    missing        faces, by number, that the kernel could not triangulate
+    """
+
+    mesh: TriangleMesh
+    triangle_face: Ints
+    missing: tuple[int, ...]
+
+
+def triangulate(
+    shape: TopoDS_Shape, deflection: float, *, angle: float = 0.5, name: str = "shape"
+) -> ShapeTriangulation:
+    """Triangles that stay within a distance of the faces; the shape itself is left as it was.
+
+    deflection  length, largest distance between an edge, or face, and its triangles
+    angle       radians, largest turn from one triangle to the next along an edge
+    """
+    shape = BRepBuilderAPI_Copy(shape, False, False).Shape()
+    BRepMesh_IncrementalMesh(shape, deflection, False, angle, False)
+    join = _Joiner(shape)
+    for face in sub_shapes(shape, _FACE):
+        join.add(TopoDS.Face_s(face))
+    return join.result(name)
+
+
+class _Joiner:
+    """Gives every node of every face its vertex in one mesh."""
+
+    def __init__(self, shape: TopoDS_Shape) -> None:
+        self._vertex_numbers = TopTools_IndexedMapOfShape()
+        TopExp.MapShapes_s(shape, _VERTEX, self._vertex_numbers)
+        self._edge_numbers = TopTools_IndexedMapOfShape()
+        self._inner: dict[int, Ints] = {}
+        self._points: list[Floats] = [np.full((self._vertex_numbers.Extent(), 3), np.nan)]
+        self._n = self._vertex_numbers.Extent()
+        self._triangles: list[Ints] = []
+        self._missing: list[int] = []
+        self._n_faces = 0
+
+    def add(self, face: TopoDS_Face) -> None:
+        """Number the nodes of one face and keep its triangles; those with a repeated vertex are collapsed, and go."""
+        place = TopLoc_Location()
+        nodes = BRep_Tool.Triangulation_s(face, place)
+        if nodes is None or nodes.NbTriangles() == 0:
+            self._missing.append(self._n_faces)
+            triangles = np.empty((0, 3), dtype=np.int64)
+        else:
+            number = self._number_nodes(face, nodes, place)
+            triangles = number[_triangles(nodes) - 1]
+            if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED:
+                triangles = triangles[:, ::-1]
+            triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+        self._triangles.append(triangles)
+        self._n_faces += 1
+
+    def _number_nodes(self, face: TopoDS_Face, nodes: Poly_Triangulation, place: TopLoc_Location) -> Ints:
+        points = _placed(np.array([nodes.Node(i).Coord() for i in range(1, nodes.NbNodes() + 1)]), place)
+        number = np.full(len(points), -1, dtype=np.int64)
+        for edge in sub_shapes(face, _EDGE):
+            edge = TopoDS.Edge_s(edge)
+            polygon = BRep_Tool.PolygonOnTriangulation_s(edge, nodes, place)
+            if polygon is not None:
+                on_edge = np.array([polygon.Node(i) for i in range(1, polygon.NbNodes() + 1)], dtype=np.int64) - 1
+                number[on_edge] = self._edge_vertices(edge, points[on_edge])
+        inside = np.flatnonzero(number < 0)
+        number[inside] = self._new(points[inside])
+        return number
+
+    def _edge_vertices(self, edge: TopoDS_Edge, points: Floats) -> Ints:
+        """Mesh vertices of the nodes along an edge; the same ones whichever face asks."""
+        first = self._end(TopExp.FirstVertex_s(edge, False), points[0])
+        last = self._end(TopExp.LastVertex_s(edge, False), points[-1])
+        if BRep_Tool.Degenerated_s(edge):
+            return np.full(len(points), first)
+        key = self._edge_numbers.Add(edge)
+        inner = self._inner.get(key)
+        if inner is None or len(inner) != len(points) - 2:  # other counts leave the mesh open, which the gate names
+            inner = self._inner[key] = self._new(points[1:-1])
+        return np.concatenate([[first], inner, [last]])
+
+    def _end(self, vertex: TopoDS_Shape, point: Floats) -> int:
+        if vertex.IsNull():
+            return int(self._new(point[None])[0])
+        number = int(self._vertex_numbers.FindIndex(vertex)) - 1
+        self._points[0][number] = point
+        return number
+
+    def _new(self, points: Floats) -> Ints:
+        self._points.append(points)
+        self._n += len(points)
+        return np.arange(self._n - len(points), self._n, dtype=np.int64)
+
+    def result(self, name: str) -> ShapeTriangulation:
+        triangles = np.concatenate([np.empty((0, 3), dtype=np.int64), *self._triangles])
+        faces = np.repeat(np.arange(len(self._triangles)), [len(t) for t in self._triangles]).astype(np.int64)
+        used, renumbered = np.unique(triangles, return_inverse=True)
+        mesh = TriangleMesh(np.concatenate(self._points)[used], renumbered.reshape(-1, 3), name)
+        return ShapeTriangulation(mesh, faces, tuple(self._missing))
+
+
+def _triangles(nodes: Poly_Triangulation) -> Ints:
+    # by number: an iterator over a kernel array costs as much as two hundred of these calls
+    return np.array([nodes.Triangle(i).Get() for i in range(1, nodes.NbTriangles() + 1)], dtype=np.int64)
+
+
+def _placed(points: Floats, place: TopLoc_Location) -> Floats:
+    if place.IsIdentity():
+        return points
+    move = place.Transformation()
+    matrix = np.array([[move.Value(i, j) for j in (1, 2, 3, 4)] for i in (1, 2, 3)])
+    return points @ matrix[:, :3].T + matrix[:, 3]

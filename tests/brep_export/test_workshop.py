@@ -1,0 +1,49 @@
+"""However a job ends, the front desk gets a sentence, and no temporary file stays."""
+
+from brep_export.app.workshop import Exit, run
+
+
+def job(name):
+    return f"workshop_jobs:{name}"
+
+
+def test_a_good_job_answers_and_what_libraries_print_stays_away(capfd):
+    steps, notes = [], []
+    outcome = run(job("good"), {"word": "clay"}, doing=steps.append, note=notes.append)
+    assert outcome.status is Exit.WRITTEN
+    assert outcome.result == {"echo": "clay", "phases": ["read"]}
+    assert (steps, notes) == (["reading"], ["a remark"])
+    assert capfd.readouterr() == ("", "")
+
+
+def test_bad_input_and_refusal_differ_in_status():
+    assert run(job("bad_input"), {"word": "mud"}).status is Exit.BAD_INPUT
+    refused = run(job("refused"), {})
+    assert (refused.status, refused.reasons) == (Exit.REFUSED, ("there is no hole.",))
+
+
+def test_a_fault_of_our_own_is_one_sentence_with_its_place():
+    outcome = run(job("faulty"), {"zero": 0})
+    assert outcome.status is Exit.REFUSED
+    assert "ZeroDivisionError" in outcome.reasons[0] and "workshop_jobs.py" in outcome.reasons[0]
+    assert "\n" not in outcome.reasons[0] and "Traceback" in outcome.trace
+
+
+def test_want_of_memory_is_said():
+    assert "memory" in run(job("hungry"), {}).reasons[0]
+
+
+def test_a_crash_names_the_step_and_leaves_no_file(tmp_path):
+    half = tmp_path / "half.step"
+    outcome = run(job("crash"), {"file": str(half)})
+    assert outcome.status is Exit.REFUSED
+    assert "cutting" in outcome.reasons[0] and "SIGSEGV" in outcome.reasons[0]
+    assert not half.exists()
+
+
+def test_a_job_that_never_ends_is_stopped_and_leaves_no_file(tmp_path):
+    half = tmp_path / "half.step"
+    outcome = run(job("endless"), {"file": str(half)}, timeout=6.0)
+    assert outcome.status is Exit.REFUSED
+    assert "waiting" in outcome.reasons[0] and "--timeout" in outcome.reasons[0]
+    assert not half.exists()

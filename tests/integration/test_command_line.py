@@ -1,0 +1,83 @@
+"""The contract of the command line, as a user or a script meets it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RECON = [sys.executable, "-c", "from brep_export.app.cli import main; main()"]
+SHARED = Path(__file__).parents[2].parent / "shared" / "data"
+BAD = sorted((SHARED / "bad").glob("*")) if (SHARED / "bad").is_dir() else []
+KEYS = {"command", "version", "inputs", "outputs", "verdict", "reasons", "kernel", "error", "room", "seconds"}
+
+
+def recon(*words, **options):
+    return subprocess.run(
+        [*RECON, *map(str, words)], capture_output=True, text=True, timeout=300, check=False, **options
+    )
+
+
+def assert_one_sentence(run, status=2):
+    """The status, one line on stderr that names the command, nothing on stdout, and no traceback anywhere."""
+    assert run.returncode == status, run.stderr
+    assert "Traceback" not in run.stderr and "fault in recon-brep" not in run.stderr
+    assert len(run.stderr.strip().splitlines()) == 1, run.stderr
+    assert run.stderr.startswith("recon ")
+    assert run.stdout == ""
+
+
+@pytest.mark.parametrize("words", [[], ["patch"], ["check"], ["demo"]], ids=str)
+def test_help_answers_without_loading_anything_heavy(words):
+    probe = (
+        "import sys; from brep_export.app.cli import app\n"
+        f"try: app({[*words, '--help']!r})\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'scipy', 'OCP', 'trimesh', 'pyvista', 'cadquery'} & set(sys.modules)\n"
+        "sys.exit(f'loaded {heavy}' if heavy else 0)"
+    )
+    run = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "Usage" in run.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["patch", "nowhere.ply", "-o", "piece.step"], "nowhere.ply"),
+        (["patch", "a.ply", "-o", "piece.xyz"], "ending"),
+        (["patch", "a.ply", "-o", "no/such/folder/piece.step"], "does not exist"),
+        (["patch", "a.step", "-o", "a.step"], "never written to"),
+        (["patch", "a.ply", "-o", "a.step", "-o", "a.step"], "twice"),
+        (["patch", "a.ply", "-o", "a.step", "--picture", "a.jpg"], ".png"),
+        (["patch", "a.ply", "-o", "a.step", "--thickness", "-2"], "thickness"),
+        (["patch", "a.ply", "-o", "a.step", "--picks", "p.json"], "p.json"),
+        (["check", "nowhere.step"], "nowhere.step"),
+        (["check", "mesh.ply"], "ending"),
+    ],
+)
+def test_bad_usage_gets_one_sentence_and_status_2(words, says, tmp_path):
+    run = recon(*words, cwd=tmp_path)
+    assert_one_sentence(run)
+    assert says in run.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_json_says_the_same_as_the_sentence(tmp_path):
+    run = recon("check", "nowhere.step", "--json", cwd=tmp_path)
+    answer = json.loads(run.stdout)
+    assert set(answer) >= KEYS
+    assert answer["verdict"] == "refused"
+    assert answer["reasons"][0] in run.stderr
+
+
+@pytest.mark.skipif(not BAD, reason="the folder of bad files is not beside this checkout")
+@pytest.mark.parametrize("command", ["patch", "check"])
+@pytest.mark.parametrize("path", BAD, ids=lambda path: path.name)
+def test_bad_files_get_one_sentence(command, path, tmp_path):
+    output = ["-o", tmp_path / "piece.step"] if command == "patch" else []
+    run = recon(command, path, *output)
+    assert run.returncode in (1, 2)
+    assert_one_sentence(run, status=run.returncode)
+    assert list(tmp_path.iterdir()) == []
