@@ -117,8 +117,11 @@ def patch(
         Path | None, typer.Option(help="JSON file with three points around the hole, for --method box.")
     ] = None,
     settle: Annotated[
-        bool, typer.Option(help="First settle the sherds against each other, by at most 0.5 mm and 0.5 degrees.")
-    ] = False,
+        bool,
+        typer.Option(
+            "--settle/--no-settle", help="First settle the sherds against each other, by at most 0.5 mm and 0.5°."
+        ),
+    ] = True,
     relief: Annotated[
         Relief, typer.Option(help="continue: the pattern of the rest of the vessel goes on over the piece.")
     ] = Relief.NONE,

@@ -27,7 +27,7 @@ def demo(request: Mapping[str, Any], bench: Bench) -> Answer:
     for note in piece.notes:
         bench.note(note)
     truth = _against_truth(piece, vessel)
-    return patch_answer("demo", vessel.sherds, piece, request, bench, room={"truth": truth})
+    return patch_answer("demo", piece, request, bench, room={"truth": truth})
 
 
 def _against_truth(piece: MissingPiece, vessel: BrokenVessel) -> dict[str, Any]:

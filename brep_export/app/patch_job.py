@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from OCP.TopoDS import TopoDS_Shape
-from threadpoolctl import threadpool_limits
 
 from brep_export.app.deliver import gate, print_formats, write_files
 from brep_export.app.result import result, statistics
@@ -20,7 +19,6 @@ from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import ThickPiece
 from recon.hole_patch.pipeline import MissingPiece, PatchMethod, PatchOptions, Relief, patch_hole
 from recon.hole_patch.placing import place
-from recon.hole_patch.settling import settle
 from recon.hole_patch.sherds import find_holes
 from recon.hole_patch.thickness import piece_thickness
 from recon.readers.meshes import read_mesh
@@ -44,20 +42,17 @@ def patch(request: Mapping[str, Any], bench: Bench) -> Answer:
         pass_band=request["pass_band"],
         hole=request["hole"],
         relief=Relief(request["relief"]),
+        settle=request["settle"],
     )
     with bench.phase("read", "reading the scans"):
         sherds = _read(request, bench)
     if request["list_holes"]:
         return _listed(sherds, request, bench)
-    room: dict[str, Any] = {}
-    if request["settle"]:
-        with bench.phase("reconstruct", "settling the sherds"):
-            sherds, room = _settled(sherds, bench)
     with bench.phase("reconstruct", "finding the hole"):
         piece = patch_hole(sherds, options, doing=bench.doing)
     for note in piece.notes:
         bench.note(note)
-    return patch_answer("patch", sherds, piece, request, bench, room=room)
+    return patch_answer("patch", piece, request, bench)
 
 
 def _read(request: Mapping[str, Any], bench: Bench) -> list[TriangleMesh]:
@@ -68,15 +63,6 @@ def _read(request: Mapping[str, Any], bench: Bench) -> list[TriangleMesh]:
         for note in file.notes:
             bench.note(f"{path}: {note}")
     return [file.mesh for file in files]
-
-
-def _settled(sherds: list[TriangleMesh], bench: Bench) -> tuple[list[TriangleMesh], dict[str, Any]]:
-    """The sherds settled against each other, and how far each was moved; the piece is made for them as settled."""
-    with threadpool_limits(limits=1, user_api="blas"):
-        settling = settle(sherds)
-    bench.note(settling.summary())
-    moves = [{"shift_mm": m.shift_mm, "turn_deg": m.turn_deg, "bounded": m.bounded} for m in settling.moves]
-    return list(settling.sherds), {"settled": moves}
 
 
 def _listed(sherds: Sequence[TriangleMesh], request: Mapping[str, Any], bench: Bench) -> Answer:
@@ -115,7 +101,6 @@ def kernel_piece(piece: MissingPiece) -> tuple[TopoDS_Shape, ShapeKind]:
 
 def patch_answer(
     command: str,
-    sherds: Sequence[TriangleMesh],
     piece: MissingPiece,
     request: Mapping[str, Any],
     bench: Bench,
@@ -127,7 +112,7 @@ def patch_answer(
     with bench.phase("brep", "building the shape"):
         shape, kind = kernel_piece(piece)
     report = gate(shape, TOLERANCE, kind, bench)
-    report, written = write_files(shape, report, request, bench, paint=partial(_paint, sherds, report))
+    report, written = write_files(shape, report, request, bench, paint=partial(_paint, piece.sherds, report))
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
         command,
@@ -139,7 +124,7 @@ def patch_answer(
         error=statistics(
             piece.sample_distance, unit="mm", against="the walls as scanned within 2 mm of the hole's edge"
         ),
-        room=_figures(piece) | _fit(sherds, report, bench) | dict(room or {}),
+        room=_figures(piece) | _fit(piece.sherds, report, bench) | dict(room or {}),
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
@@ -157,12 +142,26 @@ def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:
 def _figures(piece: MissingPiece) -> dict[str, Any]:
     edge = piece.outer.edge_distance
     thickness = None if piece.inner is None else piece_thickness(piece.outer, piece.inner)
+    axis, settling = piece.around.axis, piece.settling
+    n_measured = int((piece.around.outer.edge.sherds >= 0).sum())
     return {
         "holes": piece.around.n_holes,
         "method": str(piece.method),
+        "axis": None
+        if axis is None
+        else {"point": axis.point.tolist(), "direction": axis.direction.tolist(), "quality": axis.quality},
+        "settled": None
+        if settling is None
+        else [{"shift_mm": m.shift_mm, "turn_deg": m.turn_deg, "bounded": m.bounded} for m in settling.moves],
         "sides": piece.outer.sides,
         "box_angle_deg": piece.outer.box_angle_deg,
         "boundary": {"mean": float(edge.mean()), "max": float(edge.max()), "unit": "mm"},
+        "edge": {
+            "mean": float(edge.mean()),
+            "max": float(edge.max()),
+            "rejected": 1.0 - len(edge) / n_measured,
+            "unit": "mm, share",
+        },
         "samples": len(piece.sample_distance),
         "thickness": None
         if thickness is None

@@ -1,5 +1,6 @@
 """From sherds to the missing piece, step by step as in [kinoshita].
 
+    0. settling       the sherds moved the last tenths of a millimetre, until the cracks between them close
     1. surroundings   walls told from fractures, relief removed, the hole's edge found      (3.1, 3.4 step 1)
     2. sheet          a surface over the hole on each wall, fitted and trimmed              (3.2, 3.4 steps 2 to 5)
     3. thick piece    the two sheets and the wall between them                              (the paper's future work)
@@ -23,8 +24,9 @@ from recon.geometry.trimmed import ThickPiece, TrimmedSurface
 from recon.hole_patch.box_route import box_sheet
 from recon.hole_patch.fitting import distances_from, edge_samples
 from recon.hole_patch.relief import ReliefSheet, continue_relief
+from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
-from recon.hole_patch.sherds import surroundings
+from recon.hole_patch.sherds import separate, surroundings
 from recon.hole_patch.surroundings import Surroundings, Wall
 from recon.hole_patch.thickness import offset_sheet, thick_piece
 from recon.hole_patch.wheel_sheet import wheel_sheet
@@ -58,6 +60,7 @@ class PatchOptions:
     pass_band   k_PB of the filter that removes the relief
     hole        number of the hole among `find_holes`, 0 the longest; None takes the longest that can be patched
     relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL
+    settle      whether the sherds are settled against each other first; the piece then fits them as settled
     Raises  BadOption.
     """
 
@@ -67,6 +70,7 @@ class PatchOptions:
     pass_band: float = 0.01
     hole: int | None = None
     relief: Relief = Relief.NONE
+    settle: bool = True
 
     def __post_init__(self) -> None:
         if self.thickness is not None and not 0 < self.thickness < np.inf:
@@ -87,6 +91,8 @@ class MissingPiece:
     shape           ThickPiece where both walls are known, else the TrimmedSurface of the outer wall
     outer, inner    the sheets it was made from; inner is None for a face
     around          walls, edges and axis
+    sherds          the sherds one by one, where the piece fits between them: as settled, if they were
+    settling        how far each of them was moved; None where they were left as they came
     sample_distance (m,) distances of the measured points near the hole's edge from the outer sheet, in mm
     relief          where the relief came from and how well it agrees with the wall around; None where not asked for
     notes           what a user should know about how it was made
@@ -97,7 +103,9 @@ class MissingPiece:
     outer: Sheet
     inner: Sheet | None
     around: Surroundings
+    sherds: tuple[TriangleMesh, ...]
     sample_distance: Floats
+    settling: Settling | None = None
     relief: ReliefSheet | None = None
     notes: tuple[str, ...] = field(default=())
 
@@ -122,10 +130,17 @@ def patch_hole(
 
 
 def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Callable[[str], None]) -> MissingPiece:
+    sherds = separate(sherds)
+    settling = None
+    if options.settle and len(sherds) > 1:
+        doing("settling the sherds")
+        settling = settle(sherds)
+        sherds = settling.sherds
     doing("finding the hole")
     near = None if options.picks is None else options.picks.mean(axis=0)
     around = surroundings(sherds, hole=options.hole, near=near, pass_band=options.pass_band)
     method, notes = _road(around, options)
+    notes += () if settling is None else (settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)
     inner = _inner_sheet(around, outer, method, options)
@@ -141,7 +156,7 @@ def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Calla
         notes += ("the inner wall was scanned and is followed; the thickness given was not used.",)
     notes += tuple(f"outer wall: {note}" for note in outer.notes)
     notes += () if inner is None else tuple(f"inner wall: {note}" for note in inner.notes)
-    return MissingPiece(method, shape, outer, inner, around, distance, relief, notes=notes)
+    return MissingPiece(method, shape, outer, inner, around, tuple(sherds), distance, settling, relief, notes=notes)
 
 
 def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tuple[str, ...]]:

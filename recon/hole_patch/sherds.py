@@ -25,7 +25,7 @@ from recon.hole_patch.smoothing import taubin_smooth
 from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
 from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
 
-__all__ = ["Hole", "find_holes", "surroundings"]
+__all__ = ["Hole", "find_holes", "separate", "surroundings"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -107,6 +107,16 @@ def find_holes(sherds: Sequence[TriangleMesh]) -> tuple[Hole, ...]:
     return tuple(_holes(_read(sherds)))
 
 
+def separate(sherds: Sequence[TriangleMesh]) -> list[TriangleMesh]:
+    """The sherds one by one: when they came as a single mesh, its connected parts of some size."""
+    if len(sherds) != 1:
+        return list(sherds)
+    table = assemble(sherds)
+    group, area = label_groups(table, np.zeros(table.n_faces, dtype=np.int64))
+    large = np.flatnonzero(area > SIZEABLE * area.sum())
+    return [TriangleMesh(table.vertices, table.faces, sherds[0].name).part(group == k) for k in large]
+
+
 def _chosen(holes: list[Hole], number: int | None, reading: _Reading) -> Hole:
     if not holes:
         raise NoHole(f"the sherds surround no hole: {_what_was_found(reading)}.")
@@ -134,7 +144,7 @@ def _what_was_found(reading: _Reading) -> str:
 
 
 def _read(sherds: Sequence[TriangleMesh]) -> _Reading:
-    table = assemble(_separate(sherds[0]) if len(sherds) == 1 else sherds)
+    table = assemble(separate(sherds))
     normals = steady_normals(table)
     closed = _closed_sherds(table)
     axis = wheel_axis(table.centres, normals, table.areas)
@@ -147,14 +157,6 @@ def _read(sherds: Sequence[TriangleMesh]) -> _Reading:
         labels = label_walls(table, normals, axis, fracture=void, thickness=thickness)
     cycles = _cycles(table, normals, axis, labels, hole=void, closed=closed, thickness=thickness)
     return _Reading(table, normals, axis, labels, thickness, closed, cycles)
-
-
-def _separate(mesh: TriangleMesh) -> list[TriangleMesh]:
-    """The connected parts of one mesh, when there are several of size: sherds that came in one file."""
-    table = assemble([mesh])
-    group, area = label_groups(table, np.zeros(table.n_faces, dtype=np.int64))
-    large = np.flatnonzero(area > SIZEABLE * area.sum())
-    return [TriangleMesh(table.vertices, table.faces, mesh.name).part(group == k) for k in large]
 
 
 def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Flags) -> _Reading:

@@ -77,8 +77,10 @@ def test_outer_walls_give_a_face_and_with_a_thickness_a_solid(vessel, scans, tmp
     assert solid["kernel"]["volume"] == pytest.approx(2 * face["kernel"]["area"], rel=0.15)  # less where it is concave
 
 
-def test_sherds_are_settled_only_when_asked_and_each_motion_is_said(vessel, scans, tmp_path):
-    answer = passed(recon("patch", *scans["closed"], "--settle", "-o", tmp_path / "piece.step"))
+def test_sherds_are_settled_unless_told_not_to_and_each_motion_is_said(vessel, scans, tmp_path):
+    left = passed(recon("patch", *scans["closed"], "--no-settle", "-o", tmp_path / "left.step"))
+    assert left["room"]["settled"] is None
+    answer = passed(recon("patch", *scans["closed"], "-o", tmp_path / "piece.step"))
     moves = answer["room"]["settled"]
     assert len(moves) == len(vessel.sherds)
     assert all(0 <= move["shift_mm"] <= 0.5 and 0 <= move["turn_deg"] <= 0.5 for move in moves)
