@@ -108,8 +108,17 @@ def patch(
     ],
     output: Output = None,
     thickness: Annotated[
-        float | None, typer.Option(help="Thickness of the wall in mm, where only the outer wall was scanned.")
+        str | None,
+        typer.Option(
+            help="Thickness of the wall in mm, where only the outer wall was scanned; auto takes it from where the"
+            " scans show both sides.",
+            metavar="MM|auto",
+        ),
     ] = None,
+    clearance: Annotated[
+        float, typer.Option(help="How far in mm the piece keeps from its neighbours: room for glue.", min=0.0)
+    ] = 0.0,
+    min_wall: Annotated[float, typer.Option(help="Say where the piece is thinner than this, in mm.", min=0.0)] = 1.0,
     method: Annotated[
         Method, typer.Option(help="wheel: profile about the vessel's axis; box: the published route.")
     ] = Method.WHEEL,
@@ -148,6 +157,8 @@ def patch(
         "inputs": [str(path) for path in sherds],
         "outputs": [str(path) for path in output or []],
         "thickness": thickness,
+        "clearance": clearance,
+        "min_wall": min_wall,
         "method": method.value,
         "picks": None if picks is None else str(picks),
         "pass_band": pass_band,

@@ -17,10 +17,17 @@ from brep_export.solids import thick_solid
 from recon.errors import BadOption, NoWall
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import ThickPiece
-from recon.hole_patch.pipeline import MissingPiece, PatchMethod, PatchOptions, Relief, patch_hole
+from recon.hole_patch.pipeline import (
+    MissingPiece,
+    PatchMethod,
+    PatchOptions,
+    Relief,
+    WallThickness,
+    patch_hole,
+)
 from recon.hole_patch.placing import place
 from recon.hole_patch.sherds import find_holes
-from recon.hole_patch.thickness import piece_thickness
+from recon.hole_patch.thickness import Thickness, piece_thickness
 from recon.readers.meshes import read_mesh
 from recon.readers.picks import read_picks
 from recon.tolerance import Tolerance
@@ -37,11 +44,12 @@ def patch(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the sherds, find the piece, prove it, write it."""
     options = PatchOptions(
         method=PatchMethod(request["method"]),
-        thickness=request["thickness"],
+        thickness=_thickness(request["thickness"]),
         picks=None if request["picks"] is None else read_picks(request["picks"]),
         pass_band=request["pass_band"],
         hole=request["hole"],
         relief=Relief(request["relief"]),
+        clearance=request["clearance"],
         settle=request["settle"],
     )
     with bench.phase("read", "reading the scans"):
@@ -53,6 +61,15 @@ def patch(request: Mapping[str, Any], bench: Bench) -> Answer:
     for note in piece.notes:
         bench.note(note)
     return patch_answer("patch", piece, request, bench)
+
+
+def _thickness(text: str | None) -> float | WallThickness | None:
+    if text is None or text == WallThickness.SHOWN.value:
+        return None if text is None else WallThickness.SHOWN
+    try:
+        return float(text)
+    except ValueError:
+        raise BadOption("--thickness", f"must be a length in mm or auto, not {text!r}") from None
 
 
 def _read(request: Mapping[str, Any], bench: Bench) -> list[TriangleMesh]:
@@ -109,6 +126,9 @@ def patch_answer(
 ) -> Answer:
     """Build, prove and write the piece; `room` holds further figures for the answer."""
     _refuse_open_print(piece, request)
+    thickness = None if piece.inner is None else piece_thickness(piece.outer, piece.inner)
+    if thickness is not None:
+        _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench)
     with bench.phase("brep", "building the shape"):
         shape, kind = kernel_piece(piece)
     report = gate(shape, TOLERANCE, kind, bench)
@@ -124,7 +144,7 @@ def patch_answer(
         error=statistics(
             piece.sample_distance, unit="mm", against="the walls as scanned within 2 mm of the hole's edge"
         ),
-        room=_figures(piece) | _fit(piece.sherds, report, bench) | dict(room or {}),
+        room=_figures(piece, thickness) | _fit(piece.sherds, report, bench) | dict(room or {}),
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
@@ -139,9 +159,17 @@ def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:
         )
 
 
-def _figures(piece: MissingPiece) -> dict[str, Any]:
+def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench) -> None:
+    share, (x, y, z) = thickness.thinner_than(limit)
+    if share > 0.0:
+        bench.note(
+            f"the wall is thinner than {limit:g} mm over {100.0 * share:.0f} % of the piece; it is thinnest, "
+            f"{thickness.least:.2f} mm, near ({x:.1f}, {y:.1f}, {z:.1f})."
+        )
+
+
+def _figures(piece: MissingPiece, thickness: Thickness | None) -> dict[str, Any]:
     edge = piece.outer.edge_distance
-    thickness = None if piece.inner is None else piece_thickness(piece.outer, piece.inner)
     axis, settling = piece.around.axis, piece.settling
     n_measured = int((piece.around.outer.edge.sherds >= 0).sum())
     return {

@@ -12,7 +12,7 @@ granted about its vessels: that they were thrown on a wheel, so that axis and pr
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
+from enum import Enum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,12 @@ from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.sherds import separate, surroundings
 from recon.hole_patch.surroundings import Surroundings, Wall
-from recon.hole_patch.thickness import offset_sheet, thick_piece
+from recon.hole_patch.thick_piece import thick_piece
+from recon.hole_patch.thickness import offset_sheet
+from recon.hole_patch.trim_loop import withdrawn
 from recon.hole_patch.wheel_sheet import wheel_sheet
 
-__all__ = ["MissingPiece", "PatchMethod", "PatchOptions", "Relief", "patch_hole"]
+__all__ = ["MissingPiece", "PatchMethod", "PatchOptions", "Relief", "WallThickness", "patch_hole"]
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +43,12 @@ class PatchMethod(StrEnum):
 
     WHEEL = "wheel"
     BOX = "box"
+
+
+class WallThickness(Enum):
+    """Where the thickness of a wall of which only the outer side was meant to be scanned comes from."""
+
+    SHOWN = "auto"
 
 
 class Relief(StrEnum):
@@ -55,26 +63,31 @@ class PatchOptions:
     """What a user may choose.
 
     method      WHEEL or BOX
-    thickness   of the wall in millimetres, where only the outer wall was scanned; None leaves the piece a face
+    thickness   of the wall in millimetres, where only the outer wall was scanned; SHOWN takes it from where the scans
+                show both sides of the wall; None leaves the piece a face
     picks       (3, 3) points on the wall around the hole, for BOX; None lets the program find them
     pass_band   k_PB of the filter that removes the relief
     hole        number of the hole among `find_holes`, 0 the longest; None takes the longest that can be patched
     relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL
+    clearance   in millimetres, that the piece keeps from its neighbours: room for glue
     settle      whether the sherds are settled against each other first; the piece then fits them as settled
     Raises  BadOption.
     """
 
     method: PatchMethod = PatchMethod.WHEEL
-    thickness: float | None = None
+    thickness: float | WallThickness | None = None
     picks: Floats | None = None
     pass_band: float = 0.01
     hole: int | None = None
     relief: Relief = Relief.NONE
+    clearance: float = 0.0
     settle: bool = True
 
     def __post_init__(self) -> None:
-        if self.thickness is not None and not 0 < self.thickness < np.inf:
+        if isinstance(self.thickness, int | float) and not 0 < self.thickness < np.inf:
             raise BadOption("--thickness", f"must be a positive length in mm, not {self.thickness}")
+        if not 0 <= self.clearance < np.inf:
+            raise BadOption("--clearance", f"must be a length in mm, not {self.clearance}")
         if self.picks is not None and self.method is not PatchMethod.BOX:
             raise BadOption("--picks", "three points drive the box; give --method box with them")
         if self.relief is Relief.CONTINUE and self.method is PatchMethod.BOX:
@@ -143,14 +156,15 @@ def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Calla
     notes += () if settling is None else (settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)
-    inner = _inner_sheet(around, outer, method, options)
+    inner, told = _inner_sheet(around, outer, method, options)
+    notes += told
     relief = None
     if options.relief is Relief.CONTINUE and around.axis is not None:
         doing("continuing the relief")
         relief = continue_relief(outer, around.outer, around.axis)
         outer, notes = relief.sheet, (*notes, *relief.sheet.notes)
     doing("closing the wall")
-    shape = outer.trimmed if inner is None else thick_piece(outer, inner)
+    shape = _shape(outer, inner, around, options)
     distance = distances_from(outer.trimmed.surface, edge_samples(around.outer))
     if around.inner is not None and options.thickness is not None:
         notes += ("the inner wall was scanned and is followed; the thickness given was not used.",)
@@ -171,7 +185,26 @@ def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floa
     return wheel_sheet(wall, around.axis)
 
 
-def _inner_sheet(around: Surroundings, outer: Sheet, method: PatchMethod, options: PatchOptions) -> Sheet | None:
+def _shape(
+    outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions
+) -> ThickPiece | TrimmedSurface:
+    if inner is not None:
+        return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
+    return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
+
+
+def _inner_sheet(
+    around: Surroundings, outer: Sheet, method: PatchMethod, options: PatchOptions
+) -> tuple[Sheet | None, tuple[str, ...]]:
     if around.inner is not None:
-        return _sheet(around.inner, around, method)
-    return None if options.thickness is None else offset_sheet(outer, options.thickness)
+        return _sheet(around.inner, around, method), ()
+    if not isinstance(options.thickness, WallThickness):
+        return (None if options.thickness is None else offset_sheet(outer, options.thickness)), ()
+    shown = around.shown
+    if shown is None:
+        raise BadOption("--thickness", "nothing in the scans shows how thick the wall is; give a number in mm")
+    seen = (
+        f"the wall is {shown.median:.2f} mm thick, as {shown.n_places} places show ({shown.low:.2f} to"
+        f" {shown.high:.2f} mm in the middle half of them)."
+    )
+    return offset_sheet(outer, shown.median), (seen,)

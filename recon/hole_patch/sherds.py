@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from recon.errors import BadOption, NoHole
 from recon.geometry.mesh import TriangleMesh
@@ -21,8 +22,9 @@ from recon.hole_patch.edge_cleaning import chart_points, clean_rows, crossings, 
 from recon.hole_patch.fracture import looks_into_hole, mated_faces, wall_thickness
 from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_edges
 from recon.hole_patch.open_rims import excursions, sweep, winding
+from recon.hole_patch.shown_thickness import shown_thickness
 from recon.hole_patch.smoothing import taubin_smooth
-from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
+from recon.hole_patch.surroundings import Axis, HoleEdge, ShownThickness, Surroundings, Wall
 from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
 
 __all__ = ["Hole", "find_holes", "separate", "surroundings"]
@@ -73,6 +75,7 @@ class _Reading:
     labels: Ints
     thickness: float
     closed: Flags
+    fracture: Flags
     cycles: list[Cycle]
 
 
@@ -96,7 +99,10 @@ def surroundings(
     chosen = _chosen(holes, hole, reading)
     outer = _wall(reading, OUTER, chosen.outer, pass_band)
     inner = None if chosen.inner is None else _wall(reading, INNER, chosen.inner, pass_band)
-    return Surroundings(outer, inner, reading.axis, n_holes=len(holes))
+    shown = _shown(reading) if inner is None else None
+    return Surroundings(
+        outer, inner, reading.axis, n_holes=len(holes), shown=shown, fracture=_fracture(reading, chosen)
+    )
 
 
 def find_holes(sherds: Sequence[TriangleMesh]) -> tuple[Hole, ...]:
@@ -156,7 +162,7 @@ def _read(sherds: Sequence[TriangleMesh]) -> _Reading:
     if axis is not None:
         labels = label_walls(table, normals, axis, fracture=void, thickness=thickness)
     cycles = _cycles(table, normals, axis, labels, hole=void, closed=closed, thickness=thickness)
-    return _Reading(table, normals, axis, labels, thickness, closed, cycles)
+    return _Reading(table, normals, axis, labels, thickness, closed, void, cycles)
 
 
 def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Flags) -> _Reading:
@@ -177,7 +183,7 @@ def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Fl
     axis = wheel_axis(table.centres[wall], normals[wall], table.areas[wall]) or axis
     hole = looks_into_hole(table, ~wall, mated, radius=0.7 * thickness)
     cycles = _cycles(table, normals, axis, labels, hole=hole, closed=closed, thickness=thickness)
-    return _Reading(table, normals, axis, labels, thickness, closed, cycles)
+    return _Reading(table, normals, axis, labels, thickness, closed, hole, cycles)
 
 
 def _closed_sherds(table: Assembly) -> Flags:
@@ -228,6 +234,26 @@ def _holes(reading: _Reading) -> list[Hole]:
             if edge is not None and (through or part.length > LEAST_KNOWN * reading.thickness):
                 found.append(Hole(edge, partner))
     return sorted(found, key=lambda hole: -hole.length)
+
+
+def _shown(reading: _Reading) -> ShownThickness | None:
+    """Thickness where the scans show it; without an axis nobody knows which wall is which."""
+    if reading.axis is None:
+        return None
+    limit = THICKEST * float(np.quantile(reading.axis.cylindrical(reading.table.centres)[:, 1], 0.95))
+    return shown_thickness(reading.table, reading.normals, reading.labels, limit=limit)
+
+
+def _fracture(reading: _Reading, hole: Hole) -> TriangleMesh | None:
+    """The fracture faces that look into a hole, within a few thicknesses of its edge."""
+    table = reading.table
+    faces = np.flatnonzero(reading.fracture)
+    if hole.inner is None or not len(faces):
+        return None
+    edge = cKDTree(np.concatenate([hole.outer.points, hole.inner.points]))
+    near = edge.query(table.centres[faces], distance_upper_bound=2.0 * reading.thickness)[0]
+    faces = faces[np.isfinite(near)]
+    return TriangleMesh(table.vertices, table.faces, "fracture").part(faces) if len(faces) else None
 
 
 def _kind(cycle: Cycle) -> int:
@@ -286,8 +312,6 @@ def _edge(cycle: Cycle, reading: _Reading, *, outward: float) -> HoleEdge | None
 
 def _partner(outer: Cycle, inner: list[Cycle], reading: _Reading) -> HoleEdge | None:
     """The edge on the inner wall that runs along the one on the outer wall."""
-    from scipy.spatial import cKDTree
-
     tree = cKDTree(outer.points)
     best: tuple[float, HoleEdge | None] = (3.0 * reading.thickness, None)
     for cycle in inner:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from recon.geometry.arrays import frozen_floats, frozen_ints
 from recon.geometry.mesh import TriangleMesh
 
-__all__ = ["Axis", "HoleEdge", "Surroundings", "Wall"]
+__all__ = ["Axis", "HoleEdge", "ShownThickness", "Surroundings", "Wall"]
 
 BRIDGE = -1
 
@@ -99,17 +99,31 @@ class Wall:
     edge: HoleEdge
 
 
+@dataclass(frozen=True)
+class ShownThickness:
+    """Median thickness in millimetres, the range of its middle half, and at how many places it was seen."""
+
+    median: float
+    low: float
+    high: float
+    n_places: int
+
+
 @dataclass(frozen=True, eq=False)
 class Surroundings:
     """All that is known around one hole.
 
-    outer    the outer wall
-    inner    the inner wall, or None where only the outer one was scanned
-    axis     the wheel's axis, or None where the vessel is not round
-    n_holes  how many holes the sherds surround, this one among them
+    outer     the outer wall
+    inner     the inner wall, or None where only the outer one was scanned
+    axis      the wheel's axis, or None where the vessel is not round
+    n_holes   how many holes the sherds surround, this one among them
+    shown     how thick the wall is where scans of outer walls happen to show its inner side, or None
+    fracture  the faces of the sherds' fracture that look into the hole, or None where none was scanned
     """
 
     outer: Wall
     inner: Wall | None
     axis: Axis | None
     n_holes: int = 1
+    shown: ShownThickness | None = None
+    fracture: TriangleMesh | None = None

@@ -23,10 +23,10 @@ from scipy.spatial import cKDTree
 
 from recon.errors import BadOption, NoSurface
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
-from recon.geometry.trimmed import TrimLoop
+from recon.geometry.trimmed import TrimLoop, TrimmedSurface
 from recon.numerics.foot_points import foot_points
 
-__all__ = ["trim_loop", "parameter_loop", "clean_polygon", "even_points", "crossings"]
+__all__ = ["trim_loop", "parameter_loop", "withdrawn", "clean_polygon", "even_points", "crossings"]
 
 Floats = NDArray[np.float64]
 SPACING = 0.4
@@ -82,6 +82,26 @@ def parameter_loop(
     raise NoSurface(
         f"the hole's edge crosses itself on the surface even after features narrower than"
         f" {2 * cleaning * 2**attempt:g} mm were removed; check the sherds' pose along the hole."
+    )
+
+
+def withdrawn(trimmed: TrimmedSurface, clearance: float) -> TrimmedSurface:
+    """The same surface, its outer loop moved inward by a length in millimetres; corners are rounded, the largest part
+    is kept.
+
+    Raises    NoSurface when nothing is left.
+    """
+    from manifold3d import CrossSection, FillRule, JoinType
+
+    loop = trimmed.loops[0]
+    uv = loop.polygon(SAMPLES_PER_SPAN * max(len(c.knots) for c in loop.pcurves))
+    scale = _lengths(trimmed.surface, uv)
+    left = CrossSection([uv * scale], FillRule.NonZero).offset(-clearance, JoinType.Round, 2.0, 48).to_polygons()
+    if not left:
+        raise NoSurface(f"with a clearance of {clearance:g} mm nothing is left of the piece; give a smaller one.")
+    outline = np.asarray(max(left, key=_area), dtype=np.float64)
+    return TrimmedSurface(
+        trimmed.surface, (parameter_loop(trimmed.surface, outline / scale, n_curves=len(loop.pcurves)),)
     )
 
 

@@ -12,7 +12,8 @@ from recon.hole_patch.sample_vessel import VesselOptions, broken_vessel, whole_v
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.sherds import surroundings
 from recon.hole_patch.surroundings import Axis, HoleEdge, Wall
-from recon.hole_patch.thickness import offset_sheet, piece_thickness, thick_piece
+from recon.hole_patch.thick_piece import thick_piece
+from recon.hole_patch.thickness import offset_sheet, piece_thickness
 from recon.hole_patch.wheel_sheet import wheel_sheet
 from recon.numerics.distance import closest_points
 

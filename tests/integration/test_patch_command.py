@@ -104,6 +104,22 @@ def test_a_thickness_that_the_scans_make_needless_is_said(scans, tmp_path):
     assert answer["room"]["thickness"]["mean"] == pytest.approx(THICKNESS, rel=0.1)
 
 
+def test_a_clearance_makes_the_piece_smaller_and_a_thin_wall_is_named(scans, tmp_path):
+    tight = passed(recon("patch", *scans["closed"], "-o", tmp_path / "tight.step"))
+    loose = passed(recon("patch", *scans["closed"], "-o", tmp_path / "loose.step", "--clearance", 0.3, "--min-wall", 9))
+    assert loose["kernel"]["volume"] < tight["kernel"]["volume"]
+    assert loose["room"]["gap"]["min"] > tight["room"]["gap"]["min"]
+    assert loose["room"]["gap"]["overlap"] < 1e-3
+    assert any("thinner than 9 mm over 100 %" in note for note in loose["notes"])
+    assert not any("thinner than" in note for note in tight["notes"])
+
+
+@pytest.mark.parametrize(("thickness", "said"), [("auto", "nothing in the scans shows"), ("thick", "or auto")])
+def test_a_thickness_that_cannot_be_had_is_refused_in_words(scans, tmp_path, thickness, said):
+    answer = recon("patch", *scans["outer"], "-o", tmp_path / "piece.step", "--thickness", thickness)
+    assert answer.returncode == 2 and said in answer.stderr and not list(tmp_path.iterdir())
+
+
 def test_the_published_route_is_driven_by_picks(vessel, scans, tmp_path):
     centre = vessel.lost.vertices.mean(axis=0)
     outer = np.concatenate([wall.vertices for wall in vessel.outer_walls])
