@@ -22,7 +22,7 @@ from recon.hole_patch.fracture import looks_into_hole, mated_faces, wall_thickne
 from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_edges
 from recon.hole_patch.open_rims import excursions, sweep, winding
 from recon.hole_patch.smoothing import taubin_smooth
-from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
+from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind, Surroundings, Wall
 from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
 
 __all__ = ["Hole", "find_holes", "surroundings"]
@@ -44,14 +44,22 @@ OPEN_THICKNESS = 2.0  # edge lengths that stand for the thickness where only one
 class Hole:
     """A hole between the sherds.
 
-    outer    its edge on the outer wall
-    inner    its edge on the inner wall, or None
-    problem  why it cannot be patched, or an empty text
+    outer     its edge on the outer wall; where it runs over the lip, on both walls
+    inner     its edge on the inner wall, or None
+    problem   why it cannot be patched, or an empty text
+    kind      what surrounds it
+    over_lip  whether its edge runs over the lip
     """
 
     outer: HoleEdge
     inner: HoleEdge | None
     problem: str = ""
+    kind: HoleKind = HoleKind.WALL
+    over_lip: bool = False
+
+    @property
+    def n_walls(self) -> int:
+        return 1 if self.inner is None and not self.over_lip else 2
 
     @property
     def length(self) -> float:
@@ -94,9 +102,10 @@ def surroundings(
     if near is not None and holes:
         hole = min(range(len(holes)), key=lambda k: float(np.linalg.norm(holes[k].place - near)))
     chosen = _chosen(holes, hole, reading)
-    outer = _wall(reading, OUTER, chosen.outer, pass_band)
-    inner = None if chosen.inner is None else _wall(reading, INNER, chosen.inner, pass_band)
-    return Surroundings(outer, inner, reading.axis, n_holes=len(holes))
+    sides = (OUTER, INNER) if chosen.over_lip else (OUTER,)
+    outer = _wall(reading, sides, chosen.outer, pass_band)
+    inner = None if chosen.inner is None else _wall(reading, (INNER,), chosen.inner, pass_band)
+    return Surroundings(outer, inner, reading.axis, n_holes=len(holes), kind=chosen.kind)
 
 
 def find_holes(sherds: Sequence[TriangleMesh]) -> tuple[Hole, ...]:
@@ -239,7 +248,8 @@ def _over_the_lip(cycle: Cycle, reading: _Reading) -> list[Hole]:
     height = reading.axis.cylindrical(reading.table.centres)[:, 2]
     if reading.axis.cylindrical(cycle.points)[:, 2].max() < _lip_height(height):
         return []
-    return [Hole(HoleEdge(cycle.points[::-1], cycle.sherds[::-1]), None, "it runs out into the rim")]
+    edge = HoleEdge(cycle.points[::-1], cycle.sherds[::-1], cycle.normals[::-1])
+    return [Hole(edge, None, kind=HoleKind.RIM, over_lip=True)]
 
 
 def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, str]]:
@@ -296,7 +306,9 @@ def _partner(outer: Cycle, inner: list[Cycle], reading: _Reading) -> HoleEdge | 
     return best[1]
 
 
-def _wall(reading: _Reading, side: int, edge: HoleEdge, pass_band: float) -> Wall:
-    measured, sherds = wall_mesh(reading.table, reading.labels == side, turned=side == INNER)
+def _wall(reading: _Reading, sides: tuple[int, ...], edge: HoleEdge, pass_band: float) -> Wall:
+    on_wall = np.isin(reading.labels, sides)
+    measured, sherds = wall_mesh(reading.table, on_wall, turned=sides == (INNER,))
     trust = wall_trust(measured, reach=max(RELIEF_REACH, 3.0 * reading.table.spacing))
-    return Wall(measured, taubin_smooth(measured, pass_band=pass_band), sherds, trust, edge)
+    over_lip = len(sides) > 1
+    return Wall(measured, taubin_smooth(measured, pass_band=pass_band), sherds, trust, edge, over_lip)
