@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadOption
+from recon.errors import BadOption, NoSurface
 from recon.geometry.mesh import TriangleMesh
-from recon.geometry.trimmed import ThickPiece, TrimmedSurface
+from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.hole_patch.box_route import box_sheet
 from recon.hole_patch.fitting import distances_from, edge_samples
+from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.relief import ReliefSheet, continue_relief
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.sherds import surroundings
@@ -84,8 +85,9 @@ class MissingPiece:
     """What was found and made.
 
     method          the road that was taken: BOX also where WHEEL was asked for and the vessel is not round
-    shape           ThickPiece where both walls are known, else the TrimmedSurface of the outer wall
-    outer, inner    the sheets it was made from; inner is None for a face
+    shape           ThickPiece where both walls are known, LipPiece where the hole runs over the lip, else the
+                    TrimmedSurface of the outer wall
+    outer, inner    the sheets it was made from; inner is None for a face, and at the lip, which outer runs over
     around          walls, edges and axis
     sample_distance (m,) distances of the measured points near the hole's edge from the outer sheet, in mm
     relief          where the relief came from and how well it agrees with the wall around; None where not asked for
@@ -93,7 +95,7 @@ class MissingPiece:
     """
 
     method: PatchMethod
-    shape: ThickPiece | TrimmedSurface
+    shape: ThickPiece | LipPiece | TrimmedSurface
     outer: Sheet
     inner: Sheet | None
     around: Surroundings
@@ -135,13 +137,19 @@ def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Calla
         relief = continue_relief(outer, around.outer, around.axis)
         outer, notes = relief.sheet, (*notes, *relief.sheet.notes)
     doing("closing the wall")
-    shape = outer.trimmed if inner is None else thick_piece(outer, inner)
+    shape = _shape(outer, inner)
     distance = distances_from(outer.trimmed.surface, edge_samples(around.outer))
-    if around.inner is not None and options.thickness is not None:
+    if (around.inner is not None or around.outer.over_lip) and options.thickness is not None:
         notes += ("the inner wall was scanned and is followed; the thickness given was not used.",)
     notes += tuple(f"outer wall: {note}" for note in outer.notes)
     notes += () if inner is None else tuple(f"inner wall: {note}" for note in inner.notes)
     return MissingPiece(method, shape, outer, inner, around, distance, relief, notes=notes)
+
+
+def _shape(outer: Sheet, inner: Sheet | None) -> ThickPiece | LipPiece | TrimmedSurface:
+    if outer.lip is not None:
+        return lip_piece(outer)
+    return outer.trimmed if inner is None else thick_piece(outer, inner)
 
 
 def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tuple[str, ...]]:
@@ -151,6 +159,8 @@ def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tup
 
 
 def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floats | None = None) -> Sheet:
+    if method is PatchMethod.BOX and wall.over_lip:
+        raise NoSurface("The box covers one wall, and the hole runs over the lip: leave --method box away.")
     if method is PatchMethod.BOX or around.axis is None:
         return box_sheet(wall, picks=picks)
     return wheel_sheet(wall, around.axis)
@@ -159,4 +169,4 @@ def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floa
 def _inner_sheet(around: Surroundings, outer: Sheet, method: PatchMethod, options: PatchOptions) -> Sheet | None:
     if around.inner is not None:
         return _sheet(around.inner, around, method)
-    return None if options.thickness is None else offset_sheet(outer, options.thickness)
+    return None if options.thickness is None or around.outer.over_lip else offset_sheet(outer, options.thickness)

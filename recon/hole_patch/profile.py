@@ -42,12 +42,14 @@ from recon.hole_patch.section_samples import (
     wrapped,
 )
 from recon.hole_patch.surroundings import Axis, Wall
+from recon.numerics.ribbons import fold_point
 
 __all__ = ["Profile", "wall_profile"]
 
 Floats = NDArray[np.float64]
 
 NEARNESS = np.radians(60.0)  # ovality has period π: a wall a quarter turn away may be out of round the other way
+TIP_STEP = 0.1  # mm
 NEAR_AXIS = (
     0.25  # least over greatest radius of an edge that is rolled out; below, the chart would be stretched fourfold
 )
@@ -101,10 +103,10 @@ class Profile:
         turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
         return np.asarray(np.abs(turn) / np.linalg.norm(first, axis=1) ** 3)
 
-    def top(self) -> float:
-        """s of the highest point."""
-        s = np.linspace(*self.curve.domain, 4000)
-        return float(s[np.argmax(self.curve.point(s)[:, 1])])
+    def tip(self) -> float:
+        """s where the profile of a wall turns back over the lip: where the ribbon between both walls is folded."""
+        s = np.arange(*self.curve.domain, TIP_STEP)
+        return float(s[fold_point(self.curve.point(s))])
 
     def foot(self, section: Floats, facing: Floats | None = None) -> Floats:
         """(m,) parameter of the profile's point nearest to each point (m, 2) in (radius, height).

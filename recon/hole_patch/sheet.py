@@ -25,7 +25,7 @@ class Sheet:
     sides          number of sides on which the wall surrounds the hole: 4, or 3 where it runs out into a rim
     box_angle_deg  angle by which the box was turned, or None where there was no box
     base           the patch before it was fitted, or None
-    lip            v of the lip's top where the sheet runs over it from the outer wall to the inner one, else None
+    lip            v of the lip's tip where the sheet runs over it from the outer wall to the inner one, else None
     notes          sentences for the report about anything that was done differently than asked
     """
 

@@ -43,8 +43,8 @@ class WheelChart(Protocol):
     def bend(self, v: Floats) -> Floats:
         """(m,) curvature of the profile, not negative."""
 
-    def top(self) -> float:
-        """v where the profile is highest above the base."""
+    def tip(self) -> float:
+        """v where the profile turns back over the lip."""
 
     def limits(self) -> tuple[Floats, Floats]:
         """Lowest and highest (u, v) that the chart can hold."""
@@ -78,8 +78,8 @@ class RolledChart:
     def bend(self, v: Floats) -> Floats:
         return self.profile.bend(v)
 
-    def top(self) -> float:
-        return self.profile.top()
+    def tip(self) -> float:
+        return self.profile.tip()
 
     def limits(self) -> tuple[Floats, Floats]:
         half_turn = 0.98 * np.pi * self.mean_radius
@@ -111,8 +111,8 @@ class DiskChart:
     def bend(self, v: Floats) -> Floats:
         return self.profile.bend(self.crossing + v)
 
-    def top(self) -> float:
-        return self.profile.top() - self.crossing
+    def tip(self) -> float:
+        return self.profile.tip() - self.crossing
 
     def limits(self) -> tuple[Floats, Floats]:
         return np.full(2, -np.inf), np.full(2, np.inf)

@@ -95,7 +95,7 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     Promises  S_u x S_v points away from the vessel's inside; u and v are millimetres of the wall laid flat; `base` is
               the face before it gave way to the edge. Chips in the edge (at most one point in fifty) and
               stretches that strayed from the wall do not draw the face and are left out of `edge_distance`; the notes
-              count them. Where the wall runs over the lip the sheet does, and says where the lip's top is.
+              count them. Where the wall runs over the lip the sheet does, and says where its tip is.
     Raises    NoSurface when the wall around the hole gives no profile or no ring, or is so far from round that the
               ring cannot be foretold from itself.
     """
@@ -120,7 +120,7 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     uv = foot_points(surface, wall.edge.points, edge[:, :2])
     off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
     trimmed = TrimmedSurface(surface, (parameter_loop(surface, uv, n_curves=n_curves),))
-    lip = chart.top() if wall.over_lip else None
+    lip = chart.tip() if wall.over_lip else None
     return Sheet(trimmed, off[sound], len(ring.distance), 4, base=base, lip=lip, notes=_notes(measured, sound))
 
 
