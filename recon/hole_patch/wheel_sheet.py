@@ -121,7 +121,8 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
     trimmed = TrimmedSurface(surface, (parameter_loop(surface, uv, n_curves=n_curves),))
     lip = chart.tip() if wall.over_lip else None
-    return Sheet(trimmed, off[sound], len(ring.distance), 4, base=base, lip=lip, notes=_notes(measured, sound))
+    sides = 3 if wall.over_lip else 4
+    return Sheet(trimmed, off[sound], len(ring.distance), sides, base=base, lip=lip, notes=_notes(measured, sound))
 
 
 def _with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
@@ -131,7 +132,8 @@ def _with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
     edge = wall.edge
     steps = np.linalg.norm(np.diff(edge.points, axis=0, append=edge.points[:1]), axis=1)
     flat = chart.flat(edge.points, edge.normals)
-    rows = clean_rows(edge.points, flat[:, :2], float(np.median(steps)))
+    # in space the edge on one wall may be nearer to that on the other than a hair is wide
+    rows = clean_rows(chart.unfolded(flat[:, :2]), flat[:, :2], float(np.median(steps)))
     if edge.normals is None:
         return replace(wall, edge=HoleEdge(edge.points[rows], edge.sherds[rows]))
     points, flat, normals = edge.points[rows], flat[rows], edge.normals[rows]
