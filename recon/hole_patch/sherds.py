@@ -226,14 +226,14 @@ def _holes(reading: _Reading) -> list[Hole]:
     outer, inner, both = ([c for c in reading.cycles if kind == _kind(c)] for kind in (OUTER, INNER, OUTER + INNER))
     found = [hole for cycle in both for hole in _over_the_lip(cycle, reading)]
     for cycle in outer:
-        for part, problem in _parts(cycle, reading):
+        for part, kind, problem in _parts(cycle, reading):
             if problem:
-                found.append(Hole(HoleEdge(part.points[::-1], part.sherds[::-1]), None, problem))
+                found.append(Hole(HoleEdge(part.points[::-1], part.sherds[::-1]), None, problem, kind))
                 continue
             edge, partner = _edge(part, reading, outward=1.0), _partner(part, inner, reading)
             through = partner is not None or not reading.closed.all()
             if edge is not None and (through or part.length > LEAST_KNOWN * reading.thickness):
-                found.append(Hole(edge, partner))
+                found.append(Hole(edge, partner, kind=kind))
     return sorted(found, key=lambda hole: -hole.length)
 
 
@@ -252,26 +252,21 @@ def _over_the_lip(cycle: Cycle, reading: _Reading) -> list[Hole]:
     return [Hole(edge, None, kind=HoleKind.RIM, over_lip=True)]
 
 
-def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, str]]:
-    """The holes that a line on the outer wall bounds, each with what is wrong with it."""
+def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, HoleKind, str]]:
+    """The holes that a line on the outer wall bounds, each with what surrounds it and what is wrong with it."""
     axis = reading.axis
     if cycle.gap > 0.25 * cycle.length:
         if cycle.length < LEAST_KNOWN * reading.thickness:
             return []
-        return [(cycle, f"{cycle.gap:.3g} of its edge are missing in one stretch")]
+        return [(cycle, HoleKind.WALL, f"{cycle.gap:.3g} of its edge are missing in one stretch")]
     if axis is None or reading.closed.any():
-        return [(cycle, "")]
+        return [(cycle, HoleKind.WALL, "")]
     turns = winding(cycle, axis)
     if turns == 0:
-        return [(cycle, "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else "")]
-    mouth = max(_mean_height(c, axis) for c in reading.cycles if winding(c, axis) == turns)
-    at_mouth = turns < 0 and _mean_height(cycle, axis) == mouth
-    parts = excursions(cycle, axis, reading.table.spacing)
-    return [(part, "it runs out into the rim" if at_mouth else "") for part in parts]
-
-
-def _mean_height(cycle: Cycle, axis: Axis) -> float:
-    return float(axis.cylindrical(cycle.points)[:, 2].mean())
+        problem = "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else ""
+        return [(cycle, HoleKind.WALL, problem)]
+    kind = HoleKind.RIM if turns < 0 else HoleKind.FOOT
+    return [(part, kind, "") for part in excursions(cycle, axis, reading.table.spacing)]
 
 
 def _edge(cycle: Cycle, reading: _Reading, *, outward: float) -> HoleEdge | None:
