@@ -40,6 +40,7 @@ Bools = NDArray[np.bool_]
 
 CELL = 1.0  # mm: half of what a profile's knots lie apart
 LINKED = 2.5  # mm; neighbouring sherds leave gaps of about a millimetre
+LONGEST = 2.0  # of the usual link between cells
 FEW = 0.1  # of the edges that usually link two cells: fewer do not come from all round the vessel
 
 
@@ -155,20 +156,35 @@ def lengths_from_lip(samples: SectionSamples, edge: Floats, *, wall: TriangleMes
         raise NoSurface("The walls around the hole hang together nowhere: give more of the sherds beside it.")
     top = int(np.argmax(np.where(heavy, cells.place[:, 1], -np.inf)))
     ahead = (cells.place - cells.place[top]) @ np.array([-cells.normal[top, 1], cells.normal[top, 0]])
-    # wider than any link, so that none leads past it
-    beside = dijkstra(graph, directed=False, indices=top) < 1.5 * max(float(graph.max()), CELL)
-    lengths = []
-    for barred in (beside & (ahead > 0.0), beside & (ahead <= 0.0)):
-        barred[top] = False
-        free = sparse.diags_array((~barred).astype(np.float64))
-        lengths.append(dijkstra((free @ graph @ free).tocsr(), directed=False, indices=top))
-    outer, inner = lengths
+    # as wide as the longest link, so that none leads past it
+    from_top = dijkstra(graph, directed=False, indices=top)
+    beside = from_top <= float(graph.max())
+    outer, inner = (
+        _lengths_past(graph, from_top, seeds=beside & side, barred=beside & ~side)
+        for side in (ahead <= 0.0, ahead > 0.0)
+    )
     s = np.where(inner < outer, inner, -outer)
     if not np.isfinite(s[s > 0]).any() or not np.isfinite(s[s < 0]).any():
         raise NoSurface("The walls around the hole meet in no lip: give more of the sherds beside it.")
     s[~np.isfinite(s)] = np.nan
     _check_known(cells.place[np.isfinite(s)], edge, LINKED)
     return np.asarray(s[cell])
+
+
+def _lengths_past(graph: "sparse.csr_array", from_top: Floats, *, seeds: Bools, barred: Bools) -> Floats:
+    """(n,) lengths of ways from the top that begin over the seeds and never touch what is barred."""
+    if not seeds.any():
+        return np.full(len(seeds), np.inf)
+    free = sparse.diags_array((~barred).astype(np.float64))
+    ways = dijkstra(
+        (free @ graph @ free).tocsr(),
+        directed=False,
+        indices=np.flatnonzero(seeds),
+        return_predecessors=True,
+        min_only=True,
+    )
+    length, source = ways[0], ways[2]
+    return np.asarray(length + np.where(source >= 0, from_top[np.maximum(source, 0)], 0.0))
 
 
 def _linked_by_mesh(
@@ -191,7 +207,9 @@ def _linked_by_mesh(
     np.maximum.at(most, np.concatenate([a, b]), np.tile(count.data, 2))
     many = count.data > FEW * np.median(most[most > 0.0])
     a, b = a[many], b[many]
-    return sparse.csr_array((np.linalg.norm(cells.place[a] - cells.place[b], axis=1) + 1e-9, (a, b)), shape=(n, n))
+    length = np.linalg.norm(cells.place[a] - cells.place[b], axis=1) + 1e-9
+    short = length <= LONGEST * np.median(length) if len(length) else many[:0]
+    return sparse.csr_array((length[short], (a[short], b[short])), shape=(n, n))
 
 
 def _check_known(place: Floats, edge: Floats, link: float) -> None:
