@@ -50,6 +50,7 @@ Floats = NDArray[np.float64]
 
 NEARNESS = np.radians(60.0)  # ovality has period π: a wall a quarter turn away may be out of round the other way
 TIP_STEP = 0.1  # mm
+MOST_RIM = 200  # degrees: beyond, what is left of the rim does not tell whether the vessel is round
 NEAR_AXIS = (
     0.25  # least over greatest radius of an edge that is rolled out; below, the chart would be stretched fourfold
 )
@@ -145,8 +146,8 @@ def wall_profile(wall: Wall, axis: Axis, *, reach: float = 30.0, nearness: float
     middle, nearness = (0.0, np.inf) if over else (_middle_angle(edge), nearness)
     samples = section_samples(wall, axis, middle=middle, nearness=nearness)
     near = cKDTree(edge[:, 1:]).query(samples.place, distance_upper_bound=reach)[0] <= reach
-    if wall.over_lip and over:
-        raise NoSurface("The hole runs from the rim to the axis: too little of the profile is left beside it.")
+    if wall.over_lip:
+        _check_rim_left(edge, over)
     if wall.over_lip:
         s = lengths_from_lip(samples.of(near), edge[:, 1:], wall=wall.measured)
     else:
@@ -157,6 +158,17 @@ def wall_profile(wall: Wall, axis: Axis, *, reach: float = 30.0, nearness: float
         curve = fit_curve(*mirrored(samples, s))
         return Profile(axis, curve, middle, _crossing(curve))
     return Profile(axis, (fit_lip_curve if wall.over_lip else fit_curve)(samples, s), middle)
+
+
+def _check_rim_left(edge: Floats, over: bool) -> None:
+    if over:
+        raise NoSurface("The hole runs from the rim to the axis: too little of the profile is left beside it.")
+    steps = wrapped(np.diff(edge[:, 0]))
+    taken = float(np.degrees(np.ptp(np.cumsum(steps))))
+    if taken > MOST_RIM:
+        raise NoSurface(
+            f"The hole takes {taken:.0f} degrees of the rim, allowed {MOST_RIM}: too little is left to go by."
+        )
 
 
 def _lies_over_axis(edge: Floats) -> bool:
