@@ -157,7 +157,9 @@ def wall_profile(wall: Wall, axis: Axis, *, reach: float = 30.0, nearness: float
     if over:
         curve = fit_curve(*mirrored(samples, s))
         return Profile(axis, curve, middle, _crossing(curve))
-    return Profile(axis, (fit_lip_curve if wall.over_lip else fit_curve)(samples, s), middle)
+    if wall.over_lip:
+        return Profile(axis, fit_lip_curve(samples, s, side=edge_length(wall.measured)), middle)
+    return Profile(axis, fit_curve(samples, s), middle)
 
 
 def _check_rim_left(edge: Floats, over: bool) -> None:

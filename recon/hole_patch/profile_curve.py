@@ -37,6 +37,7 @@ LEAST_RADIUS = 1.0  # mm; nearer to the axis the chart is drawn together to a po
 EXTENDED = 6.0  # mm: the margin of a face beyond its hole
 STIFF, LIMP = 11.25, 0.356  # mm, greatest and least ℓ
 LIP_LIMP = 0.15  # mm, least ℓ over a lip, in which a lip a millimetre thick loses a hundredth of its radius
+LIMP_SIDES = 0.35  # least ℓ over a lip in edges of the mesh
 BREADTHS = 3.0  # of the band of samples, by which the profile may not bend
 NORMAL_LENGTH = 3.0  # mm for which a unit of normal counts where the nearest point faces the other way
 TURN = 0.3  # of the radius of a bend, is ℓ there at most: the bend then loses a hundredth of its radius
@@ -70,39 +71,41 @@ def fit_curve(samples: SectionSamples, s: Floats) -> BSplineCurve:
     return _weighted_spline(samples.place, weight, s + before, reach=reach, beyond=(before, EXTENDED))
 
 
-def fit_lip_curve(samples: SectionSamples, s: Floats) -> BSplineCurve:
+def fit_lip_curve(samples: SectionSamples, s: Floats, *, side: float) -> BSplineCurve:
     """The same for a curve that turns back over a lip: scale and stiffness are those of each part of the curve.
 
+    side      length of the mesh's edges: between rows of vertices so far apart nothing may bend
     Promises  runs straight on by `EXTENDED` beyond the samples at both ends.
     """
+    span, limp = max(LIP_SPAN, 0.5 * side), max(LIP_LIMP, LIMP_SIDES * side)
     s = s - s.min()
-    curve = _weighted_spline(samples.place, samples.weight, s, reach=_turning_reach(samples, s), span=LIP_SPAN)
+    curve = _weighted_spline(samples.place, samples.weight, s, reach=_turning_reach(samples, s, limp), span=span)
     for k in range(ABSOLUTE_ROUNDS + BIWEIGHT_ROUNDS):
         s, away = _foot_lengths(curve, samples)
-        at, stiff = _turning_reach(samples, s)
+        at, stiff = _turning_reach(samples, s, limp)
         scale = np.interp(at, *_local_scale(s, away, samples.weight))
         own = np.interp(s, at, scale)
         # where the normals turn the curve must turn with them, however broad the band is
-        reach = np.clip(BREADTHS * scale, LIP_LIMP, stiff)
+        reach = np.clip(BREADTHS * scale, limp, np.maximum(stiff, limp))
         if k < ABSOLUTE_ROUNDS:
             trust = own / np.maximum(away, 0.5 * own)
-            reach = np.maximum(reach, stiff * (LIP_LIMP / stiff) ** ((k + 1) / ABSOLUTE_ROUNDS))
+            reach = np.maximum(reach, stiff * (limp / stiff) ** ((k + 1) / ABSOLUTE_ROUNDS))
         else:
             trust = np.clip(1.0 - (away / (4.685 * own)) ** 2, 0.0, None) ** 2
-        curve = _weighted_spline(samples.place, samples.weight * trust, s, reach=(at, reach), span=LIP_SPAN)
+        curve = _weighted_spline(samples.place, samples.weight * trust, s, reach=(at, reach), span=span)
     weight, beyond = samples.weight * trust, (EXTENDED, EXTENDED)
     reach = at + EXTENDED, reach
-    return _weighted_spline(samples.place, weight, s + EXTENDED, reach=reach, span=LIP_SPAN, beyond=beyond)
+    return _weighted_spline(samples.place, weight, s + EXTENDED, reach=reach, span=span, beyond=beyond)
 
 
-def _turning_reach(samples: SectionSamples, s: Floats) -> tuple[Floats, Floats]:
+def _turning_reach(samples: SectionSamples, s: Floats, limp: float) -> tuple[Floats, Floats]:
     """Places along the curve and ℓ there: a share of the radius in which the wall's normals turn, at most `STIFF`."""
     step = 0.25 * WINDOW
     bin_ = (s / step).astype(np.int64)
     turned = np.stack([np.bincount(bin_, samples.weight * x) for x in samples.normal.T], axis=1)
     turned = gaussian_filter1d(turned, 1.0 / step, axis=0, mode="nearest")
     angle = np.unwrap(np.arctan2(turned[:, 1], turned[:, 0]))
-    reach = np.clip(TURN * step / np.maximum(np.abs(np.gradient(angle)), 1e-9), LIP_LIMP, STIFF)
+    reach = np.clip(TURN * step / np.maximum(np.abs(np.gradient(angle)), 1e-9), limp, STIFF)
     return step * (np.arange(len(reach)) + 0.5), minimum_filter1d(reach, 2 * round(WINDOW / step) + 1)
 
 

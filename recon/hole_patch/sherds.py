@@ -223,7 +223,10 @@ def _lip_height(height: Floats) -> float:
 
 def _holes(reading: _Reading) -> list[Hole]:
     """Holes on the outer wall, each with its partner on the inner one, longest first."""
-    outer, inner, both = ([c for c in reading.cycles if kind == _kind(c)] for kind in (OUTER, INNER, OUTER + INNER))
+    kinds = [_kind(c, reading) for c in reading.cycles]
+    outer, inner, both = (
+        [c for c, kind in zip(reading.cycles, kinds) if kind == wanted] for wanted in (OUTER, INNER, OUTER + INNER)
+    )
     found = [hole for cycle in both for hole in _over_the_lip(cycle, reading)]
     for cycle in outer:
         for part, kind, problem in _parts(cycle, reading):
@@ -237,7 +240,10 @@ def _holes(reading: _Reading) -> list[Hole]:
     return sorted(found, key=lambda hole: -hole.length)
 
 
-def _kind(cycle: Cycle) -> int:
+def _kind(cycle: Cycle, reading: _Reading) -> int:
+    """Which wall a line bounds; the border of open walls that runs round the mouth may lie on part of the lip."""
+    if not reading.closed.any() and reading.axis is not None and winding(cycle, reading.axis):
+        return OUTER
     share = float((cycle.walls == OUTER).mean())
     return OUTER if share > 0.8 else INNER if share < 0.2 else OUTER + INNER
 
