@@ -143,12 +143,6 @@ def whole() -> TriangleMesh:
     return whole_vessel(OPTIONS)
 
 
-def without_part_of_the_lip() -> TriangleMesh:
-    mesh = whole()
-    centres = mesh.corners().mean(axis=1)
-    return mesh.part(~((centres[:, 2] > 50) & (np.abs(np.arctan2(centres[:, 1], centres[:, 0])) < 0.5)))
-
-
 def sphere() -> TriangleMesh:
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 40, endpoint=False), np.linspace(0.2, np.pi - 0.2, 20), indexing="ij")
     points = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], axis=-1).reshape(-1, 3)
