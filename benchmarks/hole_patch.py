@@ -19,9 +19,9 @@ from brep_export.faces import trimmed_face
 from brep_export.triangulation import triangulate
 from recon.errors import ReconError
 from recon.geometry.mesh import TriangleMesh
-from recon.geometry.trimmed import ThickPiece
+from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.pipeline import MissingPiece, PatchMethod, PatchOptions, patch_hole
-from recon.hole_patch.sample_vessel import broken_vessel
+from recon.hole_patch.sample_vessel import VesselOptions, broken_vessel
 from recon.numerics.distance import TriangleTree, sample_surface
 from recon.readers.meshes import read_mesh
 
@@ -35,6 +35,10 @@ def cases() -> Iterator[Case]:
     vessel = broken_vessel()
     yield "made, closed", vessel.sherds, vessel.plain, vessel.lost
     yield "made, outer", vessel.outer_walls, vessel.plain, vessel.lost
+    for name, bead in (("rim", 0.5), ("bead", 0.9)):
+        vessel = broken_vessel(VesselOptions(lost_at_rim=True, bead=bead))
+        yield f"made {name}, closed", vessel.sherds, vessel.plain, vessel.lost
+        yield f"made {name}, outer", vessel.outer_walls, vessel.plain, vessel.lost
     for folder in sorted(VESSELS.glob("*")):
         truth = [read_mesh(folder / "truth" / name).mesh for name in ("plain.ply", "piece.ply")]
         for kind in ("solid", "outer"):
@@ -62,7 +66,7 @@ def row(case: Case, method: PatchMethod) -> str:
     spent = time.perf_counter() - start
     edge, deep = piece.outer.edge_distance, inside(piece, plain)
     common = "-"
-    if isinstance(piece.shape, ThickPiece):
+    if not isinstance(piece.shape, TrimmedSurface):
         common = f"{common_over_union(triangulate(kernel_piece(piece)[0], 0.02).mesh, lost):.3f}"
     faces = sum(sherd.n_faces for sherd in sherds)
     distances = "".join(f"{d:8.3f}" for d in (edge.mean(), edge.max(), deep.mean(), deep.max()))

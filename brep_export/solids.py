@@ -1,4 +1,4 @@
-"""Solids with their outside outside: polyhedra, triangle meshes, closed patch networks and thick pieces.
+"""Solids with their outside outside: polyhedra, triangle meshes, closed patch networks, thick pieces, rims.
 
 outer sheet      .-----------------.   loop counter-clockwise seen from outside
                 /|  wall k        /
@@ -28,6 +28,7 @@ from brep_export.curves import kernel_curve, kernel_pcurve
 from brep_export.faces import (
     BUILDER,
     cover_gap,
+    make_degenerate_edge,
     make_edge,
     make_face,
     make_vertex,
@@ -43,10 +44,10 @@ from recon.geometry.bspline import BSplineSurface
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.patches import PatchNetwork, side_curve
 from recon.geometry.polyhedron import Polyhedron, merge_coplanar, mesh_bodies
-from recon.geometry.trimmed import ThickPiece, TrimmedSurface
+from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.tolerance import Tolerance
 
-__all__ = ["polyhedron_solid", "triangle_solid", "mesh_solid", "network_solid", "thick_solid"]
+__all__ = ["polyhedron_solid", "triangle_solid", "mesh_solid", "network_solid", "thick_solid", "lip_solid"]
 
 Floats = NDArray[np.float64]
 
@@ -264,3 +265,49 @@ def _wall_face(surface: Geom_Surface, sides: tuple[TopoDS_Edge, ...]) -> TopoDS_
     wire = make_wire(turned(edge, side >= 2) for side, edge in enumerate(sides))
     face: TopoDS_Face = make_face(surface, [wire])
     return face.Reversed()
+
+
+def lip_solid(piece: LipPiece, tolerance: Tolerance) -> TopoDS_Solid:
+    """Kernel solid of a piece of a rim: its face over the lip, and one face a wall surface, the outermost of which end
+    in degenerate edges at the lip points.
+
+    Promises, Raises  as `thick_solid`.
+    """
+    sheet, walls = kernel_surface(piece.face.surface), [kernel_surface(wall) for wall in piece.wall]
+    n = len(walls)
+    ends = [make_vertex(rung[0]) for rung in (piece.wall[0].control_net[0], piece.wall[-1].control_net[-1])]
+    corners = [[ends[0], *map(make_vertex, _corners(piece.wall, row)[1:]), ends[1]] for row in (0, 1)]
+    rims = [[_border(piece.wall[k], row, corners[row][k : k + 2]) for k in range(n)] for row in (0, 1)]
+    crosses = [_cross_edge(piece.wall[k], (corners[0][k], corners[1][k])) for k in range(1, n)]
+    for k, wall in enumerate(walls):
+        for row in (0, 1):
+            pcurve = piece.face.loops[0].pcurves[k] if row == 0 else piece.face.loops[0].pcurves[-1 - k].reversed()
+            put_pcurve(rims[row][k], kernel_pcurve(pcurve), sheet, pcurve.domain)
+            line = straight_pcurve(*side_ends(piece.wall[k], 2 * row), pcurve.domain)
+            put_pcurve(rims[row][k], line, wall, pcurve.domain)
+            _close(rims[row][k], [sheet, wall], tolerance, f"wall {k} and the {('outer', 'inner')[row]} edge")
+    for k, cross in enumerate(crosses, start=1):
+        _put_cross_pcurves(piece.wall, k, (cross, walls))
+        _close(cross, [walls[k - 1], walls[k]], tolerance, f"walls {k - 1} and {k}")
+    crosses = [
+        _collapsed(piece.wall[0], 3, walls[0], ends[0]),
+        *crosses,
+        _collapsed(piece.wall[-1], 1, walls[-1], ends[1]),
+    ]
+    loop = [*rims[0], *(turned(edge, True) for edge in reversed(rims[1]))]
+    faces = [
+        make_face(sheet, [make_wire(loop)]),
+        *(_wall_face(walls[k], (rims[0][k], crosses[k + 1], rims[1][k], crosses[k])) for k in range(n)),
+    ]
+    shell = make_shell(faces, closed=True)
+    return _solid([(shell, _volume(shell))], "piece of the rim")
+
+
+def _border(wall: BSplineSurface, row: int, ends: list[TopoDS_Vertex]) -> TopoDS_Edge:
+    curve = side_curve(wall, 2 * row)
+    return make_edge(kernel_curve(curve), curve.domain, (ends[0], ends[1]))
+
+
+def _collapsed(wall: BSplineSurface, side: int, surface: Geom_Surface, vertex: TopoDS_Vertex) -> TopoDS_Edge:
+    domain = wall.domain[1]
+    return make_degenerate_edge(straight_pcurve(*side_ends(wall, side), domain), surface, domain, vertex)

@@ -16,6 +16,7 @@ _HOMES = {
     "read_mesh": "recon.readers.meshes",
     "BSplineCurve": "recon.geometry.bspline",
     "BSplineSurface": "recon.geometry.bspline",
+    "LipPiece": "recon.geometry.trimmed",
     "PatchNetwork": "recon.geometry.patches",
     "PointSet": "recon.geometry.mesh",
     "Polyhedron": "recon.geometry.polyhedron",

@@ -13,10 +13,11 @@ from brep_export.app.result import result, statistics
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import trimmed_face
-from brep_export.solids import thick_solid
+from brep_export.solids import lip_solid, thick_solid
 from recon.errors import BadOption, NoWall
 from recon.geometry.mesh import TriangleMesh
-from recon.geometry.trimmed import ThickPiece
+from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
+from recon.hole_patch.lip_piece import lip_thickness
 from recon.hole_patch.pipeline import (
     MissingPiece,
     PatchMethod,
@@ -90,7 +91,8 @@ def _listed(sherds: Sequence[TriangleMesh], request: Mapping[str, Any], bench: B
         f"hole {number}": {
             "edge_mm": hole.length,
             "near": " ".join(f"{x:.4g}" for x in hole.place),
-            "walls": 1 if hole.inner is None else 2,
+            "kind": str(hole.kind),
+            "walls": hole.n_walls,
             "problem": hole.problem or None,
         }
         for number, hole in enumerate(holes)
@@ -113,6 +115,8 @@ def kernel_piece(piece: MissingPiece) -> tuple[TopoDS_Shape, ShapeKind]:
     """The kernel shape of the piece, and what it is meant to be: a solid, or the face of the outer wall alone."""
     if isinstance(piece.shape, ThickPiece):
         return thick_solid(piece.shape, TOLERANCE), ShapeKind.SOLID
+    if isinstance(piece.shape, LipPiece):
+        return lip_solid(piece.shape, TOLERANCE), ShapeKind.SOLID
     return trimmed_face(piece.shape, TOLERANCE), ShapeKind.FACE
 
 
@@ -126,7 +130,7 @@ def patch_answer(
 ) -> Answer:
     """Build, prove and write the piece; `room` holds further figures for the answer."""
     _refuse_open_print(piece, request)
-    thickness = None if piece.inner is None else piece_thickness(piece.outer, piece.inner)
+    thickness = _thickness_of(piece)
     if thickness is not None:
         _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench)
     with bench.phase("brep", "building the shape"):
@@ -151,12 +155,18 @@ def patch_answer(
 
 
 def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:
-    open_prints = [] if isinstance(piece.shape, ThickPiece) else print_formats(request)
+    open_prints = print_formats(request) if isinstance(piece.shape, TrimmedSurface) else []
     if open_prints and not request["allow_open"]:
         raise NoWall(
             f"{open_prints[0]} is meant for printing, which needs a closed body, and only the outer wall was scanned; "
             "give its thickness in mm with --thickness, or write the open face with --allow-open."
         )
+
+
+def _thickness_of(piece: MissingPiece) -> Thickness | None:
+    if isinstance(piece.shape, LipPiece):
+        return lip_thickness(piece.outer)
+    return None if piece.inner is None else piece_thickness(piece.outer, piece.inner)
 
 
 def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench) -> None:
@@ -171,7 +181,6 @@ def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench) -> No
 def _figures(piece: MissingPiece, thickness: Thickness | None) -> dict[str, Any]:
     edge = piece.outer.edge_distance
     axis, settling = piece.around.axis, piece.settling
-    n_measured = int((piece.around.outer.edge.sherds >= 0).sum())
     return {
         "holes": piece.around.n_holes,
         "method": str(piece.method),
@@ -187,7 +196,7 @@ def _figures(piece: MissingPiece, thickness: Thickness | None) -> dict[str, Any]
         "edge": {
             "mean": float(edge.mean()),
             "max": float(edge.max()),
-            "rejected": 1.0 - len(edge) / n_measured,
+            "rejected": piece.outer.rejected,
             "unit": "mm, share",
         },
         "samples": len(piece.sample_distance),

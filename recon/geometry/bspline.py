@@ -82,6 +82,12 @@ class BSplineCurve:
         scale = [(row @ self.weights)[:, None] for row in rows]
         return _rational(weighted, scale, order)
 
+    def reversed(self) -> "BSplineCurve":
+        """The same curve over the same domain, run through the other way."""
+        first, last = self.domain
+        weights = None if self.weights is None else self.weights[::-1]
+        return BSplineCurve(self.degree, first + (last - self.knots[::-1]), self.control_points[::-1], weights)
+
 
 def _rational(weighted: list[Floats], scale: list[Floats], order: int) -> Floats:
     """Derivative of a quotient from those of its two parts; [piegl1997], equation 4.8."""

@@ -1,4 +1,4 @@
-"""Trimmed surfaces, and the thick piece between two of them.
+"""Trimmed surfaces, the thick piece between two of them, and the piece of a rim inside one.
 
 v ^   outer loop counter-clockwise in the parameter plane, holes clockwise
   |    .---<---.
@@ -15,7 +15,7 @@ import numpy as np
 from recon.errors import BadGeometry
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 
-__all__ = ["TrimLoop", "TrimmedSurface", "ThickPiece"]
+__all__ = ["LipPiece", "TrimLoop", "TrimmedSurface", "ThickPiece"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,3 +93,31 @@ class ThickPiece:
                 raise BadGeometry(
                     "thick piece", f"the {name} sheet needs one loop of {len(self.wall)} curves, one a wall surface"
                 )
+
+
+@dataclass(frozen=True, eq=False)
+class LipPiece:
+    """A piece of a rim: one face from the outer wall over the lip to the inner one, and the fracture inside its edge.
+
+         L .-->-- pcurves 0 .. n - 1, outer --->-. R      wall[k](s, 0) runs along pcurve k,
+            '. wall[0] | wall[1] | ... wall[n-1] .'      wall[k](s, 1) along pcurve 2n - 1 - k, backward;
+             '-<-- pcurves 2n - 1 .. n, inner -<-'        both over the same parameter range
+
+    face  one loop of 2n pcurves, the first n from the lip point L to the lip point R, the others back to L; its normal
+          points out of the material
+    wall  n surfaces in a row; wall[k](1, t) is wall[k + 1](0, t); the row is collapsed to L where it begins and to R
+          where it ends
+    Raises  BadGeometry when the counts differ, or an end of the row is not collapsed.
+    """
+
+    face: TrimmedSurface
+    wall: tuple[BSplineSurface, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "wall", tuple(self.wall))
+        n = len(self.wall)
+        if n == 0 or len(self.face.loops) != 1 or len(self.face.loops[0].pcurves) != 2 * n:
+            raise BadGeometry("lip piece", f"the face needs one loop of {2 * n} curves, two a wall surface")
+        for name, rung in (("first", self.wall[0].control_net[0]), ("last", self.wall[-1].control_net[-1])):
+            if np.ptp(rung, axis=0).max() > 1e-9 * max(float(np.ptp(self.wall[0].control_net, (0, 1)).max()), 1e-300):
+                raise BadGeometry("lip piece", f"the {name} wall does not end in a point of the lip")

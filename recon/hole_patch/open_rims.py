@@ -2,17 +2,26 @@
 
 ----------.       .----------  level of the rim: the circle that most of the border keeps to
            \\     /
-            \\   /             excursion: the hole; it is cut off along the level
-             '-'
+            \\   /             excursion: the hole; it is cut off along the virtual curve, which runs on from
+             '-'              the rim on both sides of it
+
+The virtual curve of the paper is one cubic through the rims of both sherds. Here it is a cubic in the angle about the
+axis, so that it follows the wheel however wide the gap is.
+
+Paper  [kinoshita], section 3.3, the virtual curve.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.hole_patch.hole_edges import Cycle
+from recon.hole_patch.section_samples import wrapped
 from recon.hole_patch.surroundings import BRIDGE, Axis
 
 __all__ = ["excursions", "sweep", "winding"]
+
+RIM_SHARE, SHORTEST_RIM = 0.5, 6.0  # of the gap's width, and in edge lengths: rim that the virtual curve is fitted to
+ROUNDS = 4  # of fitting and weighting by nearness
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,7 +59,11 @@ def excursions(cycle: Cycle, axis: Axis, spacing: float) -> list[Cycle]:
     if usual > 2.0 * spacing or away.all() or not away.any():
         return []
     deep = [rows for rows in _runs(away) if off[rows].max() > 2.0 * reach and len(rows) > 4]
-    return [_cut_off(cycle, axis, _down_to_rim(rows, cycle.points, off), spacing) for rows in deep]
+    holes = [_down_to_rim(rows, cycle.points, off) for rows in deep]
+    rim = (off <= reach) & (cycle.sherds != BRIDGE)
+    for rows in holes:
+        rim[rows] = False
+    return [_cut_off(cycle, axis, rows, rim=rim, spacing=spacing) for rows in holes]
 
 
 def _down_to_rim(rows: Ints, points: Floats, off: Floats) -> Ints:
@@ -81,13 +94,19 @@ def _runs(flags: NDArray[np.bool_]) -> list[Ints]:
     return [np.arange(s - 1, s + (e - s) % n + 2) % n for s, e in zip(starts, ends)]
 
 
-def _cut_off(cycle: Cycle, axis: Axis, rows: Ints, spacing: float) -> Cycle:
-    """The part of a line that left the rim, closed along the rim."""
+def _cut_off(cycle: Cycle, axis: Axis, rows: Ints, *, rim: NDArray[np.bool_], spacing: float) -> Cycle:
+    """The part of a line that left the rim, closed along the virtual curve.
+
+    rim   (n,) points of the line that were measured on the rim
+    """
     ends = axis.cylindrical(cycle.points[rows[[-1, 0]]])
     turn = -float(_turns(cycle, axis)[rows[:-1]].sum())
     count = int(abs(turn) * ends[:, 1].mean() / spacing)
-    t = (np.arange(1, count + 1) / (count + 1))[:, None]
-    arc = ends[0] + t * (np.array([ends[0, 0] + turn, *ends[1, 1:]]) - ends[0])
+    t = np.arange(1, count + 1) / (count + 1)
+    arc = _virtual_curve(cycle, axis, rows, rim=rim, t=t, spacing=spacing)
+    if arc is None:
+        arc = ends[0] + t[:, None] * (np.array([ends[0, 0] + turn, *ends[1, 1:]]) - ends[0])
+    t = t[:, None]
     normals = (1 - t) * cycle.normals[rows[-1]] + t * cycle.normals[rows[0]]
     return Cycle(
         np.concatenate([cycle.points[rows], axis.cartesian(arc)]),
@@ -96,3 +115,34 @@ def _cut_off(cycle: Cycle, axis: Axis, rows: Ints, spacing: float) -> Cycle:
         np.concatenate([cycle.walls[rows], np.full(count, cycle.walls[rows[0]])]),
         cycle.gap,
     )
+
+
+def _virtual_curve(
+    cycle: Cycle, axis: Axis, rows: Ints, *, rim: NDArray[np.bool_], t: Floats, spacing: float
+) -> Floats | None:
+    """(k, 3) angle, radius and height at shares t of the gap from the last of the rows to the first, on one cubic
+    through the rim on both sides; None where either side has too little of it.
+    """
+    n = len(cycle.points)
+    angle, radius, height = axis.cylindrical(cycle.points).T
+    first, last = int(rows[0]), int(rows[-1])
+    turn = -float(_turns(cycle, axis)[rows[:-1]].sum())
+    width = abs(turn) * float(np.median(radius[rim])) if rim.any() else 0.0
+    sides = []
+    for start, step in ((last, 1), (first, -1)):
+        beside = (start + step * np.arange(1, n - len(rows))) % n
+        way = np.linalg.norm(np.diff(cycle.points[np.append(start, beside)], axis=0), axis=1).cumsum()
+        beside = beside[(way < max(RIM_SHARE * width, SHORTEST_RIM * spacing)) & rim[beside]]
+        sides.append(beside)
+    if min(map(len, sides)) < SHORTEST_RIM / 2:
+        return None
+    share = [wrapped(angle[side] - angle[start]) / turn for side, start in zip(sides, (last, first))]
+    at = np.concatenate([share[0], 1.0 + share[1]])
+    place = np.column_stack([radius, height])[np.concatenate(sides)]
+    powers, weight = np.vander(at, 4), np.ones(len(at))
+    for _ in range(ROUNDS):
+        root = np.sqrt(weight)[:, None]
+        cubic = np.linalg.lstsq(root * powers, root * place, rcond=None)[0]
+        off = np.linalg.norm(place - powers @ cubic, axis=1)
+        weight = 1.0 / np.maximum(off, 1e-3 + np.median(off))
+    return np.column_stack([angle[last] + t * turn, np.vander(t, 4) @ cubic])

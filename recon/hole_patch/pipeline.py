@@ -11,18 +11,19 @@ granted about its vessels: that they were thrown on a wheel, so that axis and pr
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadOption
+from recon.errors import BadOption, NoSurface
 from recon.geometry.mesh import TriangleMesh
-from recon.geometry.trimmed import ThickPiece, TrimmedSurface
+from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.hole_patch.box_route import box_sheet
 from recon.hole_patch.fitting import distances_from, edge_samples
+from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.relief import ReliefSheet, continue_relief
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
@@ -101,8 +102,9 @@ class MissingPiece:
     """What was found and made.
 
     method          the road that was taken: BOX also where WHEEL was asked for and the vessel is not round
-    shape           ThickPiece where both walls are known, else the TrimmedSurface of the outer wall
-    outer, inner    the sheets it was made from; inner is None for a face
+    shape           ThickPiece where both walls are known, LipPiece where the hole runs over the lip, else the
+                    TrimmedSurface of the outer wall
+    outer, inner    the sheets it was made from; inner is None for a face, and at the lip, which outer runs over
     around          walls, edges and axis
     sherds          the sherds one by one, where the piece fits between them: as settled, if they were
     settling        how far each of them was moved; None where they were left as they came
@@ -112,7 +114,7 @@ class MissingPiece:
     """
 
     method: PatchMethod
-    shape: ThickPiece | TrimmedSurface
+    shape: ThickPiece | LipPiece | TrimmedSurface
     outer: Sheet
     inner: Sheet | None
     around: Surroundings
@@ -166,7 +168,7 @@ def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Calla
     doing("closing the wall")
     shape = _shape(outer, inner, around, options)
     distance = distances_from(outer.trimmed.surface, edge_samples(around.outer))
-    if around.inner is not None and options.thickness is not None:
+    if (around.inner is not None or around.outer.over_lip) and options.thickness is not None:
         notes += ("the inner wall was scanned and is followed; the thickness given was not used.",)
     notes += tuple(f"outer wall: {note}" for note in outer.notes)
     notes += () if inner is None else tuple(f"inner wall: {note}" for note in inner.notes)
@@ -180,6 +182,8 @@ def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tup
 
 
 def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floats | None = None) -> Sheet:
+    if method is PatchMethod.BOX and wall.over_lip:
+        raise NoSurface("The box covers one wall, and the hole runs over the lip: leave --method box away.")
     if method is PatchMethod.BOX or around.axis is None:
         return box_sheet(wall, picks=picks)
     return wheel_sheet(wall, around.axis)
@@ -187,7 +191,10 @@ def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floa
 
 def _shape(
     outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions
-) -> ThickPiece | TrimmedSurface:
+) -> ThickPiece | LipPiece | TrimmedSurface:
+    if outer.lip is not None:
+        drawn_in = outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
+        return lip_piece(replace(outer, trimmed=drawn_in))
     if inner is not None:
         return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
@@ -198,8 +205,10 @@ def _inner_sheet(
 ) -> tuple[Sheet | None, tuple[str, ...]]:
     if around.inner is not None:
         return _sheet(around.inner, around, method), ()
+    if options.thickness is None or around.outer.over_lip:
+        return None, ()
     if not isinstance(options.thickness, WallThickness):
-        return (None if options.thickness is None else offset_sheet(outer, options.thickness)), ()
+        return offset_sheet(outer, options.thickness), ()
     shown = around.shown
     if shown is None:
         raise BadOption("--thickness", "nothing in the scans shows how thick the wall is; give a number in mm")

@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 # radius and height of the outside at the corners of the wheel's profile, in units of the vessel's height; base to lip
 _PROFILE = np.array([(0.30, 0.0), (0.40, 0.18), (0.46, 0.38), (0.45, 0.56), (0.36, 0.76), (0.32, 0.88), (0.37, 1.0)])
 _BANDS = ((0.30, 2), (0.66, 5), (1.01, 4))  # upper bound of each band as a share of the height, and its sherds
-_LOST_BAND = 1
+_BELLY, _NECK = 1, 2
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,10 @@ class VesselOptions:
     edge               length of the mesh's edges
     noise              of the scanner, standard deviation a coordinate
     misplacement       of every sherd after reassembly: a shift of this size and a turn of 0.1° for each 0.1 mm
+    bead               radius of the lip in thicknesses: 0.5 rounds the wall off, more makes a bead on it
+    lost_at_rim        whether the lost sherd comes from the neck, lip and all, and not from the belly
     seed               of everything that is drawn by chance
-    Raises  BadOption when the wall does not fit into the vessel.
+    Raises  BadOption when the wall does not fit into the vessel, or the bead is no bead.
     """
 
     height: float = 70.0
@@ -54,6 +56,8 @@ class VesselOptions:
     edge: float = 1.1
     noise: float = 0.02
     misplacement: float = 0.1
+    bead: float = 0.5
+    lost_at_rim: bool = False
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -61,6 +65,8 @@ class VesselOptions:
             raise BadOption("thickness", f"must lie between 0 and 0.15 of the height, not at {self.thickness} mm")
         if not 0 <= self.relief < 0.4 * self.thickness:
             raise BadOption("relief", f"must be less than 0.4 of the wall's thickness, not {self.relief} mm")
+        if not 0.5 <= self.bead <= 1.5:
+            raise BadOption("bead", f"must be from 0.5 to 1.5 thicknesses, not {self.bead}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +100,14 @@ def whole_vessel(options: VesselOptions, *, relief: bool = True) -> TriangleMesh
 
 
 def broken_vessel(options: VesselOptions | None = None) -> BrokenVessel:
-    """Make a vessel, crack it into eleven sherds, and leave out the largest one of its belly."""
+    """Make a vessel, crack it into eleven sherds, and leave out the largest one of its belly, or of its neck."""
     options = options or VesselOptions()
     chance = np.random.default_rng(options.seed)
     whole = whole_vessel(options)
     solid = _as_solid(whole.vertices, whole.face_vertices).as_original()
     bands = list(_bands(solid, options, chance))
     pieces = [_split(band, count, options, chance) for band, (_, count) in zip(bands, _BANDS)]
-    lost = pieces[_LOST_BAND].pop(0)
+    lost = pieces[_NECK if options.lost_at_rim else _BELLY].pop(0)
     scanned = [_scanned(piece, solid, options, chance) for band in pieces for piece in band]
     return BrokenVessel(
         sherds=tuple(closed for closed, _ in scanned),
@@ -121,15 +127,17 @@ def _profile(options: VesselOptions) -> tuple[Floats, Floats]:
     normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1, keepdims=True)
     inner = fine + options.thickness * normal
     inner = inner[inner[:, 0] > 0]
-    lip = _lip(fine[-1], inner[-1])
+    lip = _lip(fine[-1], inner[-1], options.bead)
     return _even(np.concatenate([fine, lip]), options.edge)[1:], _even(inner, options.edge)[1:]
 
 
-def _lip(outer: Floats, inner: Floats) -> Floats:
-    """Half a circle from the outer curve's end over the lip to just before the inner curve's end."""
-    middle, across = (outer + inner) / 2, (outer - inner) / 2
-    turn = np.linspace(0, np.pi, 20)[1:-1, None]
-    return middle + np.cos(turn) * across + np.sin(turn) * np.array([-across[1], across[0]])
+def _lip(outer: Floats, inner: Floats, bead: float) -> Floats:
+    """Part of a circle, half of it or more, from the outer curve's end over the lip to just before the inner one's."""
+    across, up = outer - inner, np.array([inner[1] - outer[1], outer[0] - inner[0]])
+    below = np.arccos(0.5 / bead)
+    middle = (outer + inner) / 2 + bead * np.sin(below) * up
+    turn = np.linspace(-below, np.pi + below, 40)[1:-1, None]
+    return np.asarray(middle + bead * (np.cos(turn) * across + np.sin(turn) * up))
 
 
 def _even(curve: Floats, step: float) -> Floats:

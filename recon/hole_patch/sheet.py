@@ -21,10 +21,12 @@ class Sheet:
 
     trimmed        the surface, its normal pointing away from the vessel's inside, bounded by the hole's edge
     edge_distance  (n,) distance of each measured point of the hole's edge from the surface, in millimetres
+    rejected       share of the measured edge points that were taken for chips and left out of it
     samples        number of measured points the surface was fitted to
     sides          number of sides on which the wall surrounds the hole: 4, or 3 where it runs out into a rim
     box_angle_deg  angle by which the box was turned, or None where there was no box
     base           the patch before it was fitted, or None
+    lip            v of the lip's tip where the sheet runs over it from the outer wall to the inner one, else None
     notes          sentences for the report about anything that was done differently than asked
     """
 
@@ -34,6 +36,8 @@ class Sheet:
     sides: int
     box_angle_deg: float | None = None
     base: BSplineSurface | None = None
+    rejected: float = 0.0
+    lip: float | None = None
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:

@@ -24,7 +24,7 @@ from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_ed
 from recon.hole_patch.open_rims import excursions, sweep, winding
 from recon.hole_patch.shown_thickness import shown_thickness
 from recon.hole_patch.smoothing import taubin_smooth
-from recon.hole_patch.surroundings import Axis, HoleEdge, ShownThickness, Surroundings, Wall
+from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind, ShownThickness, Surroundings, Wall
 from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
 
 __all__ = ["Hole", "find_holes", "separate", "surroundings"]
@@ -46,14 +46,22 @@ OPEN_THICKNESS = 2.0  # edge lengths that stand for the thickness where only one
 class Hole:
     """A hole between the sherds.
 
-    outer    its edge on the outer wall
-    inner    its edge on the inner wall, or None
-    problem  why it cannot be patched, or an empty text
+    outer     its edge on the outer wall; where it runs over the lip, on both walls
+    inner     its edge on the inner wall, or None
+    problem   why it cannot be patched, or an empty text
+    kind      what surrounds it
+    over_lip  whether its edge runs over the lip
     """
 
     outer: HoleEdge
     inner: HoleEdge | None
     problem: str = ""
+    kind: HoleKind = HoleKind.WALL
+    over_lip: bool = False
+
+    @property
+    def n_walls(self) -> int:
+        return 1 if self.inner is None and not self.over_lip else 2
 
     @property
     def length(self) -> float:
@@ -97,11 +105,17 @@ def surroundings(
     if near is not None and holes:
         hole = min(range(len(holes)), key=lambda k: float(np.linalg.norm(holes[k].place - near)))
     chosen = _chosen(holes, hole, reading)
-    outer = _wall(reading, OUTER, chosen.outer, pass_band)
-    inner = None if chosen.inner is None else _wall(reading, INNER, chosen.inner, pass_band)
-    shown = _shown(reading) if inner is None else None
+    sides = (OUTER, INNER) if chosen.over_lip else (OUTER,)
+    outer = _wall(reading, sides, chosen.outer, pass_band)
+    inner = None if chosen.inner is None else _wall(reading, (INNER,), chosen.inner, pass_band)
     return Surroundings(
-        outer, inner, reading.axis, n_holes=len(holes), shown=shown, fracture=_fracture(reading, chosen)
+        outer,
+        inner,
+        reading.axis,
+        n_holes=len(holes),
+        kind=chosen.kind,
+        shown=_shown(reading) if inner is None else None,
+        fracture=_fracture(reading, chosen),
     )
 
 
@@ -222,17 +236,20 @@ def _lip_height(height: Floats) -> float:
 
 def _holes(reading: _Reading) -> list[Hole]:
     """Holes on the outer wall, each with its partner on the inner one, longest first."""
-    outer, inner, both = ([c for c in reading.cycles if kind == _kind(c)] for kind in (OUTER, INNER, OUTER + INNER))
+    kinds = [_kind(c, reading) for c in reading.cycles]
+    outer, inner, both = (
+        [c for c, kind in zip(reading.cycles, kinds) if kind == wanted] for wanted in (OUTER, INNER, OUTER + INNER)
+    )
     found = [hole for cycle in both for hole in _over_the_lip(cycle, reading)]
     for cycle in outer:
-        for part, problem in _parts(cycle, reading):
+        for part, kind, problem in _parts(cycle, reading):
             if problem:
-                found.append(Hole(HoleEdge(part.points[::-1], part.sherds[::-1]), None, problem))
+                found.append(Hole(HoleEdge(part.points[::-1], part.sherds[::-1]), None, problem, kind))
                 continue
             edge, partner = _edge(part, reading, outward=1.0), _partner(part, inner, reading)
             through = partner is not None or not reading.closed.all()
             if edge is not None and (through or part.length > LEAST_KNOWN * reading.thickness):
-                found.append(Hole(edge, partner))
+                found.append(Hole(edge, partner, kind=kind))
     return sorted(found, key=lambda hole: -hole.length)
 
 
@@ -256,7 +273,10 @@ def _fracture(reading: _Reading, hole: Hole) -> TriangleMesh | None:
     return TriangleMesh(table.vertices, table.faces, "fracture").part(faces) if len(faces) else None
 
 
-def _kind(cycle: Cycle) -> int:
+def _kind(cycle: Cycle, reading: _Reading) -> int:
+    """Which wall a line bounds; the border of open walls that runs round the mouth may lie on part of the lip."""
+    if not reading.closed.any() and reading.axis is not None and winding(cycle, reading.axis):
+        return OUTER
     share = float((cycle.walls == OUTER).mean())
     return OUTER if share > 0.8 else INNER if share < 0.2 else OUTER + INNER
 
@@ -267,29 +287,25 @@ def _over_the_lip(cycle: Cycle, reading: _Reading) -> list[Hole]:
     height = reading.axis.cylindrical(reading.table.centres)[:, 2]
     if reading.axis.cylindrical(cycle.points)[:, 2].max() < _lip_height(height):
         return []
-    return [Hole(HoleEdge(cycle.points[::-1], cycle.sherds[::-1]), None, "it runs out into the rim")]
+    edge = HoleEdge(cycle.points[::-1], cycle.sherds[::-1], cycle.normals[::-1])
+    return [Hole(edge, None, kind=HoleKind.RIM, over_lip=True)]
 
 
-def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, str]]:
-    """The holes that a line on the outer wall bounds, each with what is wrong with it."""
+def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, HoleKind, str]]:
+    """The holes that a line on the outer wall bounds, each with what surrounds it and what is wrong with it."""
     axis = reading.axis
     if cycle.gap > 0.25 * cycle.length:
         if cycle.length < LEAST_KNOWN * reading.thickness:
             return []
-        return [(cycle, f"{cycle.gap:.3g} of its edge are missing in one stretch")]
+        return [(cycle, HoleKind.WALL, f"{cycle.gap:.3g} of its edge are missing in one stretch")]
     if axis is None or reading.closed.any():
-        return [(cycle, "")]
+        return [(cycle, HoleKind.WALL, "")]
     turns = winding(cycle, axis)
     if turns == 0:
-        return [(cycle, "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else "")]
-    mouth = max(_mean_height(c, axis) for c in reading.cycles if winding(c, axis) == turns)
-    at_mouth = turns < 0 and _mean_height(cycle, axis) == mouth
-    parts = excursions(cycle, axis, reading.table.spacing)
-    return [(part, "it runs out into the rim" if at_mouth else "") for part in parts]
-
-
-def _mean_height(cycle: Cycle, axis: Axis) -> float:
-    return float(axis.cylindrical(cycle.points)[:, 2].mean())
+        problem = "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else ""
+        return [(cycle, HoleKind.WALL, problem)]
+    kind = HoleKind.RIM if turns < 0 else HoleKind.FOOT
+    return [(part, kind, "") for part in excursions(cycle, axis, reading.table.spacing)]
 
 
 def _edge(cycle: Cycle, reading: _Reading, *, outward: float) -> HoleEdge | None:
@@ -322,7 +338,9 @@ def _partner(outer: Cycle, inner: list[Cycle], reading: _Reading) -> HoleEdge | 
     return best[1]
 
 
-def _wall(reading: _Reading, side: int, edge: HoleEdge, pass_band: float) -> Wall:
-    measured, sherds = wall_mesh(reading.table, reading.labels == side, turned=side == INNER)
+def _wall(reading: _Reading, sides: tuple[int, ...], edge: HoleEdge, pass_band: float) -> Wall:
+    on_wall = np.isin(reading.labels, sides)
+    measured, sherds = wall_mesh(reading.table, on_wall, turned=sides == (INNER,))
     trust = wall_trust(measured, reach=max(RELIEF_REACH, 3.0 * reading.table.spacing))
-    return Wall(measured, taubin_smooth(measured, pass_band=pass_band), sherds, trust, edge)
+    over_lip = len(sides) > 1
+    return Wall(measured, taubin_smooth(measured, pass_band=pass_band), sherds, trust, edge, over_lip)

@@ -10,6 +10,7 @@ base    |____/  /                 |  '-->'  |     wall too: seen from the same s
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,17 @@ from numpy.typing import NDArray
 from recon.geometry.arrays import frozen_floats, frozen_ints
 from recon.geometry.mesh import TriangleMesh
 
-__all__ = ["Axis", "HoleEdge", "ShownThickness", "Surroundings", "Wall"]
+__all__ = ["Axis", "HoleEdge", "HoleKind", "ShownThickness", "Surroundings", "Wall"]
 
 BRIDGE = -1
+
+
+class HoleKind(StrEnum):
+    """What surrounds a hole: wall on all sides, or wall but for where it runs out into the rim or the foot."""
+
+    WALL = "wall"
+    RIM = "rim"
+    FOOT = "foot"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,28 +77,36 @@ class Axis:
 class HoleEdge:
     """The edge of a hole on one wall.
 
-    points  (n, 3) closed polyline, the first point not repeated, counter-clockwise seen from outside the vessel
-    sherds  (n,) number of the sherd each point was measured on, or -1 where the line bridges a gap between sherds
+    points   (n, 3) closed polyline, the first point not repeated, counter-clockwise seen from outside the vessel
+    sherds   (n,) number of the sherd each point was measured on, or -1 where the line bridges a gap between sherds
+    normals  (n, 3) unit normals of the wall along it, or None: where the wall turns over a lip they tell which side
+             of it a point lies on
     """
 
     points: NDArray[np.float64]
     sherds: NDArray[np.int64]
+    normals: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen_floats(self.points, (None, 3), "hole edge: points"))
         object.__setattr__(self, "sherds", frozen_ints(self.sherds, (len(self.points),), "hole edge: sherds"))
+        if self.normals is not None:
+            shape = (len(self.points), 3)
+            object.__setattr__(self, "normals", frozen_floats(self.normals, shape, "hole edge: normals"))
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
     """One wall of the vessel, outer or inner: the faces of all sherds that lie on it, and the hole's edge there.
 
+    At a hole that runs out over the lip the wall is one sheet: outer wall, lip and inner wall.
     measured  the wall as scanned, sherds not joined; the normals of both walls point away from the vessel's inside,
-              which for the inner wall is into the material
+              which for the inner wall is into the material; those of a wall over the lip point out of the material
     plain     the same vertices and faces without relief ([taubin1995])
     sherds    (V,) number of the sherd every vertex belongs to
     trust     (V,) 0 to 1: how far `plain` may be believed at a vertex; less within reach of a sherd's border
     edge      the hole's edge, from the mesh as scanned
+    over_lip  whether the wall is outer wall, lip and inner wall in one, and the hole's edge runs over the lip
     """
 
     measured: TriangleMesh
@@ -97,6 +114,7 @@ class Wall:
     sherds: NDArray[np.int64]
     trust: NDArray[np.float64]
     edge: HoleEdge
+    over_lip: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,10 +131,11 @@ class ShownThickness:
 class Surroundings:
     """All that is known around one hole.
 
-    outer     the outer wall
-    inner     the inner wall, or None where only the outer one was scanned
+    outer     the outer wall; where the hole runs over the lip, outer wall, lip and inner wall as one sheet
+    inner     the inner wall, or None where only the outer one was scanned or both are one sheet
     axis      the wheel's axis, or None where the vessel is not round
     n_holes   how many holes the sherds surround, this one among them
+    kind      what surrounds the hole
     shown     how thick the wall is where scans of outer walls happen to show its inner side, or None
     fracture  the faces of the sherds' fracture that look into the hole, or None where none was scanned
     """
@@ -125,5 +144,6 @@ class Surroundings:
     inner: Wall | None
     axis: Axis | None
     n_holes: int = 1
+    kind: HoleKind = HoleKind.WALL
     shown: ShownThickness | None = None
     fracture: TriangleMesh | None = None

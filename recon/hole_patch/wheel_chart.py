@@ -28,14 +28,23 @@ Floats = NDArray[np.float64]
 class WheelChart(Protocol):
     """Both charts turn right-handed (u, v) into normals away from the vessel's inside."""
 
-    def flat(self, points: Floats) -> Floats:
-        """(m, 3) u, v and d of points (m, 3)."""
+    def flat(self, points: Floats, normals: Floats | None = None) -> Floats:
+        """(m, 3) u, v and d of points (m, 3); normals (m, 3) of the wall there tell the sides of a lip apart."""
 
     def space(self, flat: Floats) -> Floats:
         """(m, 3) points of (u, v, d) rows (m, 3): the inverse of `flat`."""
 
     def stretch(self, v: Floats) -> Floats:
         """(m,) millimetres on the wall for a millimetre of u."""
+
+    def unfolded(self, uv: Floats) -> Floats:
+        """(m, 3) points between which distances are those along the wall, also where it turns back over a lip."""
+
+    def bend(self, v: Floats) -> Floats:
+        """(m,) curvature of the profile, not negative."""
+
+    def tip(self) -> float:
+        """v where the profile turns back over the lip."""
 
     def limits(self) -> tuple[Floats, Floats]:
         """Lowest and highest (u, v) that the chart can hold."""
@@ -48,14 +57,29 @@ class RolledChart:
     profile: Profile
     mean_radius: float
 
-    def flat(self, points: Floats) -> Floats:
-        return self.profile.chart(points) * [self.mean_radius, 1.0, 1.0]
+    def flat(self, points: Floats, normals: Floats | None = None) -> Floats:
+        return self.profile.chart(points, normals) * [self.mean_radius, 1.0, 1.0]
 
     def space(self, flat: Floats) -> Floats:
         return self.profile.space(flat / [self.mean_radius, 1.0, 1.0])
 
     def stretch(self, v: Floats) -> Floats:
         return self.profile.radius(v) / self.mean_radius
+
+    def unfolded(self, uv: Floats) -> Floats:
+        """On the surface of revolution with the same radii and lengths whose profile never turns back."""
+        s = np.linspace(*self.profile.curve.domain, 2000)
+        slope = self.profile.curve.derivative(s)
+        risen = np.concatenate([[0.0], np.cumsum(np.abs(slope[:-1, 1]) * np.diff(s))])
+        angle, radius = uv[:, 0] / self.mean_radius, self.profile.radius(np.clip(uv[:, 1], s[0], s[-1]))
+        height = np.interp(uv[:, 1], s, risen)
+        return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+
+    def bend(self, v: Floats) -> Floats:
+        return self.profile.bend(v)
+
+    def tip(self) -> float:
+        return self.profile.tip()
 
     def limits(self) -> tuple[Floats, Floats]:
         half_turn = 0.98 * np.pi * self.mean_radius
@@ -70,8 +94,8 @@ class DiskChart:
     profile: Profile
     crossing: float
 
-    def flat(self, points: Floats) -> Floats:
-        angle, s, d = self.profile.chart(points).T
+    def flat(self, points: Floats, normals: Floats | None = None) -> Floats:
+        angle, s, d = self.profile.chart(points, normals).T
         return np.stack([(s - self.crossing) * np.sin(angle), (s - self.crossing) * np.cos(angle), d], axis=1)
 
     def space(self, flat: Floats) -> Floats:
@@ -80,6 +104,15 @@ class DiskChart:
 
     def stretch(self, v: Floats) -> Floats:
         return np.ones_like(v)
+
+    def unfolded(self, uv: Floats) -> Floats:
+        return self.space(np.column_stack([uv, np.zeros(len(uv))]))
+
+    def bend(self, v: Floats) -> Floats:
+        return self.profile.bend(self.crossing + v)
+
+    def tip(self) -> float:
+        return self.profile.tip() - self.crossing
 
     def limits(self) -> tuple[Floats, Floats]:
         return np.full(2, -np.inf), np.full(2, np.inf)
@@ -90,5 +123,4 @@ def wheel_chart(wall: Wall, axis: Axis) -> WheelChart:
     profile = wall_profile(wall, axis)
     if profile.crossing is not None:
         return DiskChart(profile, profile.crossing)
-    s = profile.foot(axis.cylindrical(wall.edge.points)[:, 1:])
-    return RolledChart(profile, float(profile.radius(s).mean()))
+    return RolledChart(profile, float(axis.cylindrical(wall.edge.points)[:, 1].mean()))

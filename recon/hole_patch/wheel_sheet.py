@@ -12,27 +12,30 @@ millimetres the face gives way to the edge that was measured.
 
     u, v     the wall laid flat in millimetres (`recon.hole_patch.wheel_chart`)
     d        distance from the turned profile
+    κ        curvature of the profile
     e        what is left at the edge above profile and plate
     ℓ        length over which e fades into the face, d += e exp(-(distance / ℓ)²)
 
 Paper  [kinoshita], section 3.4, for the fitted and trimmed face; [piegl1997], section 9.2.5, for the tensor spline.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import make_interp_spline
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from scipy.spatial import cKDTree
 
 from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
-from recon.hole_patch.profile import vertex_areas_and_normals
+from recon.hole_patch.edge_cleaning import clean_rows
 from recon.hole_patch.residual import Ring, fit_residual, tensor_rows
+from recon.hole_patch.section_samples import vertex_areas_and_normals
 from recon.hole_patch.sheet import Sheet
-from recon.hole_patch.surroundings import Axis, Wall
+from recon.hole_patch.surroundings import Axis, HoleEdge, Wall
 from recon.hole_patch.trim_loop import parameter_loop
 from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
 from recon.numerics.bspline_basis import greville, uniform_knots
@@ -52,8 +55,11 @@ REJECTED = 0.02  # largest share of edge points that may be taken for chips
 SMALLEST_CHIP = 0.2  # mm; what stands off by less is relief or noise
 ASTRAY = 1.0  # mm; no relief or pose stands so far off where most of the edge does not
 MEETINGS = 4  # rounds in which the face is drawn to the edge that it missed
+DOWN = 0.3  # mm, most depth times slope of relief at the edge: cords are deep where they are level
 NEIGHBOURS = 16  # points of the edge that a node averages over: 1.5 mm to either side
 OUT_OF_ROUND = 2.0  # mm; relief is well below, a wrong axis well above
+LIP_SPANS = 0.2, 0.5  # least millimetres between knots over a lip, and their distance there in radii of curvature
+MOST_LIP_SPANS = 96
 FADING = (1.5, 6.0)  # mm: what the knots can follow, and a quarter of the widest ring
 
 
@@ -89,12 +95,14 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     Promises  S_u x S_v points away from the vessel's inside; u and v are millimetres of the wall laid flat; `base` is
               the face before it gave way to the edge. Chips in the edge (at most one point in fifty) and
               stretches that strayed from the wall do not draw the face and are left out of `edge_distance`; the notes
-              count them.
+              count them. Where the wall runs over the lip the sheet does, and says where its tip is.
     Raises    NoSurface when the wall around the hole gives no profile or no ring, or is so far from round that the
               ring cannot be foretold from itself.
     """
     chart = wheel_chart(wall, axis)
-    edge = chart.flat(wall.edge.points)
+    if wall.over_lip:
+        wall = _with_clean_edge(wall, chart)
+    edge = chart.flat(wall.edge.points, wall.edge.normals)
     ring = _ring(wall, chart, edge)
     residual = fit_residual(ring, chart.stretch)
     if residual.foretold > OUT_OF_ROUND:
@@ -105,14 +113,37 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     left = edge[:, 2] - residual.at(edge[:, :2])
     measured = wall.edge.sherds >= 0
     sound = _sound(left, _loop_length(wall.edge.points), measured)
-    face = _face(chart, edge)
+    face = _lip_face(chart, edge) if wall.over_lip else _face(chart, edge)
     distance = residual.at(face.nodes())
     base = face.surface(distance)
     surface = face.surface(_drawn_to_edge(face, distance, _even_edge(edge, left, sound)))
     uv = foot_points(surface, wall.edge.points, edge[:, :2])
     off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
     trimmed = TrimmedSurface(surface, (parameter_loop(surface, uv, n_curves=n_curves),))
-    return Sheet(trimmed, off[sound], len(ring.distance), 4, base=base, notes=_notes(measured, sound))
+    lip = chart.tip() if wall.over_lip else None
+    sides = 3 if wall.over_lip else 4
+    rejected = float((measured & ~sound).sum() / measured.sum())
+    notes = _notes(measured, sound)
+    return Sheet(trimmed, off[sound], len(ring.distance), sides, base=base, rejected=rejected, lip=lip, notes=notes)
+
+
+def _with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
+    """The wall with what is no edge of it cut off from the hole's edge: spikes, hairs and crossings in the chart, and
+    stretches that run down into the fracture, which is deep and steep at once.
+    """
+    edge = wall.edge
+    steps = np.linalg.norm(np.diff(edge.points, axis=0, append=edge.points[:1]), axis=1)
+    flat = chart.flat(edge.points, edge.normals)
+    # in space the edge on one wall may be nearer to that on the other than a hair is wide
+    rows = clean_rows(chart.unfolded(flat[:, :2]), flat[:, :2], float(np.median(steps)))
+    if edge.normals is None:
+        return replace(wall, edge=HoleEdge(edge.points[rows], edge.sherds[rows]))
+    points, flat, normals = edge.points[rows], flat[rows], edge.normals[rows]
+    outward = np.einsum("ij,ij->i", chart.space(flat + np.array([0.0, 0.0, 1.0])) - points, normals)
+    steep = np.sqrt(1.0 / np.clip(outward, 1e-3, 1.0) ** 2 - 1.0)
+    deep = _running_median(flat[:, 2], _loop_length(points), 4.0 * MARGIN) - flat[:, 2]
+    on_wall = deep * steep < DOWN
+    return replace(wall, edge=HoleEdge(points[on_wall], edge.sherds[rows][on_wall], normals[on_wall]))
 
 
 def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
@@ -122,8 +153,8 @@ def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
     near = np.flatnonzero(away < width)
     if len(near) == 0:
         raise NoSurface(f"No wall was found within {width:.0f} mm of the hole's edge.")
-    flat = chart.flat(wall.measured.vertices[near])
     areas, normals = vertex_areas_and_normals(wall.measured)
+    flat = chart.flat(wall.measured.vertices[near], normals[near])
     outward = chart.space(flat + np.array([0.0, 0.0, 1.0])) - wall.measured.vertices[near]
     facing = np.einsum("ij,ij->i", outward, normals[near])
     low, high = chart.limits()
@@ -148,11 +179,30 @@ def _check_around(away: Floats, width: float) -> None:
 
 def _face(chart: WheelChart, edge: Floats) -> _Face:
     """The hole's rectangle in the chart with a margin, as far as the chart goes."""
-    low, high = edge[:, :2].min(axis=0) - MARGIN, edge[:, :2].max(axis=0) + MARGIN
-    least, greatest = chart.limits()
-    low, high = np.maximum(low, least), np.minimum(high, greatest)
+    low, high = _rectangle(chart, edge)
     spans = np.clip(np.ceil((high - low) / SPAN), 8, MOST_SPANS).astype(int)
     return _Face(chart, (_knots(spans[0], low[0], high[0]), _knots(spans[1], low[1], high[1])))
+
+
+def _lip_face(chart: WheelChart, edge: Floats) -> _Face:
+    """The same with knots that lie closer where the profile turns over the lip."""
+    low, high = _rectangle(chart, edge)
+    spans = int(np.clip(np.ceil((high[0] - low[0]) / SPAN), 8, MOST_SPANS))
+    s = np.arange(low[1], high[1], 0.25 * LIP_SPANS[0])
+    span = np.clip(LIP_SPANS[1] / np.maximum(chart.bend(s), 1e-6), LIP_SPANS[0], SPAN)
+    # a spline forgets a change of its knots' distance within a few knots: the fine ones begin before the bend does
+    density = gaussian_filter1d(minimum_filter1d(span, round(2 * SPAN / (s[1] - s[0]))), SPAN / (s[1] - s[0])) ** -1.0
+    passed = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(s))])
+    count = int(np.clip(np.ceil(passed[-1]), 8, MOST_LIP_SPANS))
+    breaks = np.interp(np.linspace(0.0, passed[-1], count + 1), passed, s)
+    breaks[-1] = high[1]
+    return _Face(chart, (_knots(spans, low[0], high[0]), np.concatenate([breaks[[0] * 3], breaks, breaks[[-1] * 3]])))
+
+
+def _rectangle(chart: WheelChart, edge: Floats) -> tuple[Floats, Floats]:
+    low, high = edge[:, :2].min(axis=0) - MARGIN, edge[:, :2].max(axis=0) + MARGIN
+    least, greatest = chart.limits()
+    return np.maximum(low, least), np.minimum(high, greatest)
 
 
 def _abscissae(knots: Floats) -> Floats:
@@ -225,8 +275,7 @@ def _fade(face: _Face, edge: Floats) -> "sparse.csr_array":
     """
     nodes = face.nodes()
     reach = _fading_length(edge)
-    around = face.chart.space(np.column_stack([nodes, np.zeros(len(nodes))]))
-    place = face.chart.space(np.column_stack([edge[:, :2], np.zeros(len(edge))]))
+    around, place = face.chart.unfolded(nodes), face.chart.unfolded(edge[:, :2])
     away, nearest = cKDTree(place).query(around, k=NEIGHBOURS)
     used = away[:, 0] < 3.0 * reach
     away, nearest = away[used], nearest[used]

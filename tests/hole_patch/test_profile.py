@@ -14,7 +14,8 @@ from thrown_walls import (
 
 from recon.errors import NoSurface
 from recon.geometry.mesh import TriangleMesh
-from recon.hole_patch.profile import vertex_areas_and_normals, wall_profile
+from recon.hole_patch.profile import wall_profile
+from recon.hole_patch.section_samples import vertex_areas_and_normals
 from recon.hole_patch.surroundings import HoleEdge, Wall
 
 SURFACES = {"cylinder": cylinder(30.0), "cone": cone(40.0, 0.4), "plate": cone(60.0, 8.0), "sphere": sphere(45.0)}

@@ -1,0 +1,123 @@
+"""A piece of the rim: the profile over the lip, the face, and the fracture inside its edge."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from rim_vessels import AXIS, plain_lip, rim_wall, rolled_lip
+from scipy.spatial import cKDTree
+
+from recon.errors import NoSurface, NoWall
+from recon.geometry.trimmed import LipPiece
+from recon.hole_patch.lip_piece import lip_piece, lip_thickness
+from recon.hole_patch.profile import wall_profile
+from recon.hole_patch.sheet import Sheet
+from recon.hole_patch.wheel_sheet import wheel_sheet
+from recon.numerics.polygons import within
+
+LIPS: dict[str, Callable[[], np.ndarray]] = {"plain": plain_lip, "rolled": rolled_lip}
+
+
+@pytest.fixture(scope="module", params=LIPS)
+def lip(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def sheet(lip: str) -> Sheet:
+    return wheel_sheet(rim_wall(LIPS[lip]()), AXIS)
+
+
+@pytest.fixture(scope="module")
+def piece(sheet: Sheet) -> LipPiece:
+    return lip_piece(sheet)
+
+
+def section(points: np.ndarray) -> np.ndarray:
+    return AXIS.cylindrical(points)[:, 1:]
+
+
+def test_the_profile_turns_back_over_the_lip_and_meets_both_walls(lip: str) -> None:
+    truth = LIPS[lip]()
+    profile = wall_profile(rim_wall(truth), AXIS)
+    s = np.linspace(*profile.curve.domain, 3000)
+    line = profile.curve.point(s)
+    near = line[:, 1] > -30.0  # the ends run straight on
+    assert cKDTree(truth).query(line[near])[0].max() < 0.1
+    assert cKDTree(line).query(truth[truth[:, 1] > -25.0])[0].max() < 0.1
+
+
+def test_the_tip_parts_the_profile_where_the_walls_meet() -> None:
+    truth = rolled_lip()
+    profile = wall_profile(rim_wall(truth), AXIS)
+    tip = profile.curve.point(np.array([profile.tip()]))[0]
+    assert tip[0] > 33.0  # at the end of the roll, not on its highest point
+
+
+def test_the_face_lies_on_the_turned_lip(lip: str, sheet: Sheet) -> None:
+    loop = sheet.trimmed.loops[0].polygon()
+    steps = np.linspace(loop.min(axis=0), loop.max(axis=0), 60)
+    uv = np.stack(np.meshgrid(*steps.T, indexing="ij"), axis=-1).reshape(-1, 2)
+    away = cKDTree(LIPS[lip]()).query(section(sheet.trimmed.surface.point(uv[within(loop, uv)])))[0]
+    assert away.mean() < 0.03
+    assert away.max() < 0.15
+    assert sheet.edge_distance.mean() < 0.03
+    assert sheet.sides == 3
+
+
+def test_what_the_wheel_left_out_of_round_is_followed_across_the_gap() -> None:
+    wall = rim_wall(plain_lip(), shift=lambda angle: 0.6 * np.cos(2 * angle))
+    sheet = wheel_sheet(wall, AXIS)
+    assert sheet.lip is not None
+    u = np.mean(sheet.trimmed.surface.domain[0])
+    outer = AXIS.cylindrical(sheet.trimmed.surface.point(np.array([[u, sheet.lip - 12.0]])))[0]
+    assert abs(outer[1] - (30.0 + 0.6 * np.cos(2 * outer[0]))) < 0.15
+
+
+def test_the_fracture_lies_on_the_face_along_both_sides(piece: LipPiece) -> None:
+    pcurves, surface = piece.face.loops[0].pcurves, piece.face.surface
+    for k, wall in enumerate(piece.wall):
+        for side, pcurve in ((0.0, pcurves[k]), (1.0, pcurves[-1 - k].reversed())):
+            t = np.linspace(*wall.domain[0], 500)
+            on_wall = wall.point(np.stack([t, np.full_like(t, side)], axis=1))
+            assert np.linalg.norm(surface.point(pcurve.point(t)) - on_wall, axis=1).max() < 0.02
+
+
+def test_the_fracture_ends_in_a_point_on_both_sides_and_is_as_wide_as_the_wall_between(piece: LipPiece) -> None:
+    rungs = [np.linalg.norm(w.control_net[:, 0] - w.control_net[:, -1], axis=1) for w in piece.wall]
+    assert rungs[0][0] < 1e-9 and rungs[-1][-1] < 1e-9
+    middle = np.concatenate(rungs[1:-1])
+    assert 2.0 < np.median(middle) < 3.6
+
+
+def test_the_outer_part_of_the_loop_lies_on_the_outer_wall(sheet: Sheet, piece: LipPiece) -> None:
+    assert sheet.lip is not None
+    curves, n = piece.face.loops[0].pcurves, len(piece.wall)
+    outer, inner = (np.concatenate([c.control_points for c in part]) for part in (curves[:n], curves[n:]))
+    assert (outer[:, 1] < sheet.lip + 0.5).all()
+    assert (inner[:, 1] > sheet.lip - 0.5).all()
+
+
+def test_thickness_is_that_of_the_wall(lip: str, sheet: Sheet) -> None:
+    found = lip_thickness(sheet)
+    assert abs(found.mean - {"plain": 3.0, "rolled": 2.5}[lip]) < 0.15
+
+
+def test_a_sheet_that_does_not_run_over_the_lip_is_refused(sheet: Sheet) -> None:
+    off = Sheet(sheet.trimmed, sheet.edge_distance, 0, 3, lip=sheet.trimmed.surface.domain[1][1] + 1.0)
+    with pytest.raises(NoWall, match="two sides"):
+        lip_piece(off)
+
+
+def test_a_gap_of_two_thirds_of_the_rim_is_refused() -> None:
+    with pytest.raises(NoSurface, match="degrees of the rim"):
+        wheel_sheet(rim_wall(plain_lip(), half_angle=2.1, depth=12.0), AXIS)
+
+
+def test_a_gap_of_a_third_of_the_rim_is_bridged() -> None:
+    sheet = wheel_sheet(rim_wall(plain_lip(), half_angle=1.05), AXIS)
+    loop = sheet.trimmed.loops[0].polygon()
+    middle = sheet.trimmed.surface.point(
+        np.stack([np.full(40, loop[:, 0].mean()), np.linspace(*np.quantile(loop[:, 1], [0.1, 0.9]), 40)], 1)
+    )
+    assert cKDTree(plain_lip()).query(section(middle))[0].max() < 0.1
