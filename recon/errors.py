@@ -20,6 +20,7 @@ __all__ = [
     "NoHole",
     "NoSurface",
     "NoWall",
+    "NoSolid",
     "GateFailed",
     "NotWritten",
 ]
@@ -89,6 +90,14 @@ class NoSurface(Refusal):
 
 class NoWall(Refusal):
     """The second wall of the piece is unknown and no thickness was given."""
+
+
+class NoSolid(Refusal):
+    """No solid is drawn as the drawing shows; `conflicts` are the lines that contradict each other, where known."""
+
+    def __init__(self, problem: str, conflicts: Sequence[object] = ()) -> None:
+        super().__init__(problem[0].upper() + problem[1:] + ("" if problem.endswith(".") else "."))
+        self.conflicts = tuple(conflicts)
 
 
 class GateFailed(Refusal):
