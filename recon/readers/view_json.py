@@ -54,8 +54,9 @@ def _view(value: Any, what: str) -> DrawnView:
 
 
 def _numbers(segment: Any, what: str) -> list[float]:
-    numbers = [x for x in segment if isinstance(x, int | float) and not isinstance(x, bool)] if segment else []
+    row = segment if isinstance(segment, list) else []
+    numbers = [x for x in row if isinstance(x, int | float) and not isinstance(x, bool)]
     # Compared one by one: JSON knows NaN, infinity, and whole numbers that no float holds.
-    if len(numbers) != 4 or len(segment) != 4 or not all(-LARGEST < x < LARGEST for x in numbers):
+    if len(row) != 4 or len(numbers) != 4 or not all(-LARGEST < x < LARGEST for x in numbers):
         raise BadGeometry(what, f"a segment is no row of four numbers: {str(segment)[:60]}")
     return [float(x) for x in numbers]
