@@ -26,6 +26,7 @@ from recon.three_view.fragments import Fragments, fragments
 from recon.three_view.labeling import FreeChoice, Labelings, consistent_labelings
 from recon.three_view.planes import candidate_planes
 from recon.three_view.sight_lines import sight_lines
+from recon.three_view.snapping import snap_lengths
 from recon.three_view.verification import Difference, differences
 from recon.three_view.vertices import candidate_vertices
 from recon.three_view.view_graph import ViewGraph, view_graphs
@@ -34,7 +35,6 @@ __all__ = ["Interpretation", "ViewsOptions", "all_polyhedra", "interpret"]
 
 Flags = NDArray[np.bool_]
 
-SNAP = 2e-4  # of the drawing's size: a fiftieth of a millimetre on a hand-sized part
 RANKED = 64  # options of one choice, and solids, up to which all are looked at to tell which is most plausible
 
 
@@ -42,7 +42,7 @@ RANKED = 64  # options of one choice, and solids, up to which all are looked at 
 class ViewsOptions:
     """What a user may choose.
 
-    snap        length: ends of lines that lie closer are one; None takes a share of the drawing's size
+    snap        length: ends of lines that lie closer are one; None lets the drawing tell
     line_types  whether dashed means hidden and drawn through visible; False when the drawing does not tell them apart
     limit       options listed for one free choice; the count is a lower bound when there are more
     Raises      BadOption.
@@ -57,10 +57,6 @@ class ViewsOptions:
             raise BadOption("--snap", f"must be a positive length, not {self.snap}")
         if self.limit < 1:
             raise BadOption("--limit", f"must be at least 1, not {self.limit}")
-
-    def snap_for(self, drawing: ThreeViews) -> float:
-        """The length below which two places of a drawing are one."""
-        return SNAP * drawing.extent() if self.snap is None else self.snap
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,15 +128,15 @@ def interpret(
     Raises  NoSolid when no solid is drawn like that.
     """
     options = options or ViewsOptions()
-    snap = options.snap_for(drawing)
-    doing("dividing space")
-    arranged = arrange(drawing, snap, line_types=options.line_types)
-    doing("choosing solid cells")
-    labelings = consistent_labelings(arranged.conditions, limit=options.limit)
-    if labelings is None:
-        raise NoSolid("no solid is drawn like this")
-    doing("ranking the solids")
-    return Interpretation(drawing, snap, arranged, _ranked(arranged, labelings), options.line_types)
+    for snap in snap_lengths(drawing) if options.snap is None else [options.snap]:
+        doing("dividing space")
+        arranged = arrange(drawing, snap, line_types=options.line_types)
+        doing("choosing solid cells")
+        labelings = consistent_labelings(arranged.conditions, limit=options.limit)
+        if labelings is not None:
+            doing("ranking the solids")
+            return Interpretation(drawing, snap, arranged, _ranked(arranged, labelings), options.line_types)
+    raise NoSolid("no solid is drawn like this")
 
 
 def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True) -> Arrangement:
