@@ -19,7 +19,7 @@ __all__ = ["shared_coordinates", "snap_lengths"]
 Floats = NDArray[np.float64]
 
 LEVELS = (3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)  # of the drawing's size
-SPARE = 0.01  # share of the coordinates
+SPARE = 0.1  # share of the coordinates; too fine a length finds no solid, and the next one is tried
 
 
 def snap_lengths(drawing: ThreeViews) -> list[float]:
