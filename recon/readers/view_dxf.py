@@ -33,16 +33,8 @@ def read_dxf_views(path: str | Path) -> ViewSheet:
 
     Raises  UnreadableFile when the file is no DXF or holds no three views; CurvedDrawing with the place of every arc.
     """
-    from ezdxf import recover
-    from ezdxf.lldxf.const import DXFError
-
     name = str(path)
-    try:
-        document, _ = recover.readfile(name)
-    except OSError as problem:
-        raise UnreadableFile(name, problem.strerror or "is no DXF file") from problem
-    except (DXFError, ValueError, KeyError, IndexError, TypeError, AttributeError) as problem:
-        raise UnreadableFile(name, "is no DXF file, or damaged beyond repair") from problem
+    document = _document(name)
     segments, hidden, aside, curves = [], [], Counter[str](), []
     for entity in _entities(document.modelspace()):
         kind = _kind(entity, document)
@@ -64,6 +56,26 @@ def read_dxf_views(path: str | Path) -> ViewSheet:
     sheet = separate_views(Strokes(rows[usable], np.array(hidden, dtype=bool)[usable]), name)
     set_aside = ["set aside: " + ", ".join(f"{n} {kind}" for kind, n in sorted(aside.items()))] if aside else []
     return ViewSheet(sheet.drawing, sheet.mirrored, (*sheet.notes, *set_aside))
+
+
+def _document(name: str) -> Any:
+    """The DXF document as it stands, repaired only when it cannot be read otherwise: repairing drops line types."""
+    import ezdxf
+    from ezdxf import recover
+    from ezdxf.lldxf.const import DXFError
+
+    broken = (DXFError, ValueError, KeyError, IndexError, TypeError, AttributeError)
+    try:
+        return ezdxf.filemanagement.readfile(name)
+    except OSError as problem:
+        if not Path(name).is_file():
+            raise UnreadableFile(name, problem.strerror or "cannot be read") from problem
+    except broken:
+        pass
+    try:
+        return recover.readfile(name)[0]
+    except (OSError, *broken) as problem:
+        raise UnreadableFile(name, "is no DXF file, or damaged beyond repair") from problem
 
 
 def _entities(space: Any) -> Iterator[Any]:

@@ -12,8 +12,8 @@ PITCH = 10.0
 def lattice_drawing(cubes):
     """Front, top and side views of a boolean (nx, ny, nz) array of cubes.
 
-    A unit edge of the lattice is an edge of the solid unless the four cubes around it are alike in pairs across it. In a
-    view it is drawn through when the first cubes met on its two sides are not equally deep.
+    A unit edge of the lattice is an edge of the solid unless the four cubes around it are alike in pairs. In a view it
+    is drawn through when the first cubes met on its two sides are not equally deep.
     """
     return ThreeViews(*(_view(cubes, projection) for projection in PROJECTIONS))
 

@@ -1,6 +1,7 @@
 """Every solid, and none but solids: against brute force, against known puzzles, against itself."""
 
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ def volume(solid):
     for face in solid.faces:
         for loop in face.loops:
             corners = solid.vertices[list(loop)]
-            for a, b in zip(corners[1:], corners[2:]):
+            for a, b in pairwise(corners[1:]):
                 total += np.linalg.det([corners[0], a, b]) / 6
     return total
 
