@@ -211,7 +211,7 @@ def demo(
 
 @app.command()
 def views(
-    drawing: Annotated[Path, typer.Argument(help="Three-view drawing: DXF, SVG or JSON.")],
+    drawing: Annotated[Path, typer.Argument(help="Three-view drawing: DXF or JSON.")],
     output: Annotated[
         list[Path] | None,
         typer.Option("-o", "--output", help=f"File to write ({' '.join(ENDINGS)} .obj .json). Repeatable."),
@@ -224,6 +224,9 @@ def views(
     ] = None,
     no_hidden: Annotated[
         bool, typer.Option("--no-hidden", help="The drawing does not tell hidden lines from visible ones.")
+    ] = False,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Where no solid is drawn like this, change the one line that mends it.")
     ] = False,
     schema: Annotated[Schema, typer.Option(help="STEP application protocol.")] = Schema.AP214,
     name: Annotated[str | None, typer.Option(help="Name of the part in the file's header.")] = None,
@@ -244,6 +247,7 @@ def views(
         "limit": limit,
         "snap": snap,
         "no_hidden": no_hidden,
+        "repair": repair,
         "schema": schema.value,
         "name": name,
         "picture": None if picture is None else str(picture),

@@ -1,6 +1,7 @@
 """The job behind `recon views`: a three-view drawing to the solids it can mean, through the gate, to files."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ from brep_export.solids import polyhedron_solid
 from recon.errors import NoSolid
 from recon.readers.view_sheet import ViewSheet
 from recon.readers.views import read_views
+from recon.three_view.conflicts import repaired
 from recon.three_view.labeling import FreeChoice
-from recon.three_view.pipeline import Interpretation, ViewsOptions, interpret
+from recon.three_view.pipeline import Interpretation, ViewsOptions, diagnose, interpret
 from recon.tolerance import Tolerance
 
 __all__ = ["views"]
@@ -34,7 +36,7 @@ def views(request: Mapping[str, Any], bench: Bench) -> Answer:
     for note in sheet.notes:
         bench.note(note)
     with bench.phase("reconstruct", "finding the solids"):
-        found = interpret(sheet.drawing, options, doing=bench.doing)
+        sheet, found = _interpreted(sheet, options, request, bench)
     if found.count > 1:
         more = "" if found.complete else "at least "
         bench.note(f"the drawing can mean {more}{found.count} solids; this is number {request['solution']}")
@@ -57,6 +59,29 @@ def views(request: Mapping[str, Any], bench: Bench) -> Answer:
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, tuple(reasons)
+
+
+def _interpreted(
+    sheet: ViewSheet, options: ViewsOptions, request: Mapping[str, Any], bench: Bench
+) -> tuple[ViewSheet, Interpretation]:
+    """The solids of the drawing, or of the drawing with its most likely error mended, where that is asked for.
+
+    Raises  NoSolid with the lines that contradict each other and the changes that would mend them.
+    """
+    try:
+        return sheet, interpret(sheet.drawing, options, doing=bench.doing)
+    except NoSolid as refusal:
+        bench.doing("looking for the contradiction")
+        diagnosis = diagnose(sheet.drawing, options)
+        lines = [line.described(sheet.drawing) for line in diagnosis.conflict]
+        mends = [repair.described(sheet.drawing) for repair in diagnosis.repairs]
+        if not (request["repair"] and mends):
+            conflict = "; these contradict each other: " + "; ".join(lines) if lines else ""
+            advice = "; it would have a solid if " + "; or if ".join(mends) if mends else ""
+            raise NoSolid(f"no solid is drawn like this{conflict}{advice}", lines) from refusal
+        bench.note(f"repaired: {mends[0]}")
+        mended = replace(sheet, drawing=repaired(sheet.drawing, diagnosis.repairs[0]))
+        return mended, interpret(mended.drawing, options, doing=bench.doing)
 
 
 def _wanted(request: Mapping[str, Any], found: Interpretation) -> Iterator[tuple[int, list[str]]]:

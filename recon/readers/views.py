@@ -1,4 +1,4 @@
-"""Three-view drawings from files: DXF, SVG, JSON."""
+"""Three-view drawings from files: DXF, JSON."""
 
 from pathlib import Path
 

@@ -44,14 +44,16 @@ Clause = list[int]
 class Conditions:
     """Clauses in the variables 1 ... n_variables, of which the first n_cells say that cells are solid.
 
-    hard    clauses that hold for any drawing
-    drawn   for each drawn edge, as (view, edge), the clauses that it adds
+    hard       clauses that hold for any drawing
+    drawn      for each drawn edge, as (view, edge), the clauses that it adds
+    otherwise  the clauses that it would add in the other line type, where these were asked for
     """
 
     n_cells: int
     n_variables: int
     hard: list[Clause] = field(default_factory=list)
     drawn: dict[tuple[int, int], list[Clause]] = field(default_factory=dict)
+    otherwise: dict[tuple[int, int], list[Clause]] = field(default_factory=dict)
 
     def clauses(self) -> list[Clause]:
         """All clauses."""
@@ -59,11 +61,17 @@ class Conditions:
 
 
 def conditions(
-    made: Fragments, cells: Cells, sights: Sequence[SightLines], hidden: Sequence[Flags | None]
+    made: Fragments,
+    cells: Cells,
+    sights: Sequence[SightLines],
+    hidden: Sequence[Flags | None],
+    *,
+    both_types: bool = False,
 ) -> Conditions:
     """The clauses that a solid obeys exactly when it is drawn as given.
 
-    hidden  for each view, for each drawn edge, whether it is dashed; None when the drawing does not tell
+    hidden      for each view, for each drawn edge, whether it is dashed; None when the drawing does not tell
+    both_types  also write what each edge would demand in the other line type
     """
     maker = _Maker(made, cells)
     maker.out.hard.append([-1])
@@ -73,14 +81,10 @@ def conditions(
         rows = maker.rows(sight)
         behind = _grouped(sight.behind)
         for s in range(_count(sight, dashed)):
-            left, right = rows.get(2 * s, []), rows.get(2 * s + 1, [])
-            if dashed is None:
-                group = maker.some_edge(behind.get(s, []))
-            elif dashed[s]:
-                group = maker.same_plane(left, right) + maker.some_edge(behind.get(s, []))
-            else:
-                group = maker.other_plane(left, right)
-            maker.out.drawn[view, s] = group
+            seen = rows.get(2 * s, []), rows.get(2 * s + 1, []), behind.get(s, [])
+            maker.out.drawn[view, s] = maker.demanded(seen, None if dashed is None else bool(dashed[s]))
+            if both_types and dashed is not None:
+                maker.out.otherwise[view, s] = maker.demanded(seen, not dashed[s])
     return maker.out
 
 
@@ -160,6 +164,15 @@ class _Maker:
                         [-turns, *(-c for c in one), *other],
                     ]
         return self._corner[edge]
+
+    def demanded(self, seen: tuple[Row, Row, list[int]], dashed: bool | None) -> list[Clause]:
+        """What a drawn edge demands of the rows on its left and right and the edges behind it."""
+        left, right, behind = seen
+        if dashed is None:
+            return self.some_edge(behind)
+        if dashed:
+            return self.same_plane(left, right) + self.some_edge(behind)
+        return self.other_plane(left, right)
 
     def some_edge(self, edges: list[int]) -> list[Clause]:
         """At one of the edges the solid turns a corner."""

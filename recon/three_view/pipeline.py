@@ -10,7 +10,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, islice, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from recon.geometry.views import ThreeViews
 from recon.three_view.assembly import assemble
 from recon.three_view.cells import Cells, space_cells
 from recon.three_view.conditions import Conditions, conditions
+from recon.three_view.conflicts import Change, DrawnLine, Repair, minimal_conflict, moved_lines, repaired, retyped_lines
 from recon.three_view.edges import candidate_edges
 from recon.three_view.fragments import Fragments, fragments
 from recon.three_view.labeling import FreeChoice, Labelings, consistent_labelings
@@ -31,10 +32,11 @@ from recon.three_view.verification import Difference, differences
 from recon.three_view.vertices import candidate_vertices
 from recon.three_view.view_graph import ViewGraph, view_graphs
 
-__all__ = ["Interpretation", "ViewsOptions", "all_polyhedra", "interpret"]
+__all__ = ["Diagnosis", "Interpretation", "ViewsOptions", "all_polyhedra", "diagnose", "interpret"]
 
 Flags = NDArray[np.bool_]
 
+MOVES = 40  # shifts of a line that are tried
 RANKED = 64  # options of one choice, and solids, up to which all are looked at to tell which is most plausible
 
 
@@ -139,15 +141,45 @@ def interpret(
     raise NoSolid("no solid is drawn like this")
 
 
-def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True) -> Arrangement:
-    """Steps 1 to 4, and the clauses of step 5."""
+@dataclass(frozen=True)
+class Diagnosis:
+    """Why a drawing has no solid.
+
+    conflict  lines that contradict each other, none to spare
+    repairs   single changes after which there is a solid, the most likely first
+    """
+
+    conflict: tuple[DrawnLine, ...]
+    repairs: tuple[Repair, ...]
+
+
+def diagnose(drawing: ThreeViews, options: ViewsOptions | None = None, *, limit: int = 3) -> Diagnosis:
+    """The lines of a drawing without a solid that contradict each other, and at most `limit` repairs of one line."""
+    options = options or ViewsOptions()
+    snap = snap_lengths(drawing)[0] if options.snap is None else options.snap
+    arranged = arrange(drawing, snap, line_types=options.line_types, both_types=True)
+    conflict = minimal_conflict(arranged.conditions, arranged.graphs)
+    moves = (repair for repair in islice(moved_lines(drawing, snap), MOVES) if _mends(drawing, repair, snap, options))
+    retyped = retyped_lines(arranged.conditions, arranged.graphs, conflict)
+    kinds = sorted(islice(chain(moves, retyped), 2 * limit), key=lambda repair: repair.change is Change.DROPPED)
+    return Diagnosis(tuple(conflict), tuple(kinds[:limit]))
+
+
+def _mends(drawing: ThreeViews, repair: Repair, snap: float, options: ViewsOptions) -> bool:
+    """Whether a solid draws as the repaired drawing."""
+    again = arrange(repaired(drawing, repair), snap, line_types=options.line_types)
+    return consistent_labelings(again.conditions, limit=1) is not None
+
+
+def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True, both_types: bool = False) -> Arrangement:
+    """Steps 1 to 4, and the clauses of step 5; with `both_types` also those of each line in the other line type."""
     values, graphs = view_graphs(drawing, snap)
     wire = candidate_edges(candidate_vertices(values, graphs), graphs, snap)
     made = fragments(wire, candidate_planes(wire, snap), snap)
     sights = sight_lines(made, graphs, snap)
     cells = space_cells(made, sights)
     hidden = [graph.hidden if line_types else None for graph in graphs]
-    return Arrangement(graphs, made, cells, conditions(made, cells, sights, hidden))
+    return Arrangement(graphs, made, cells, conditions(made, cells, sights, hidden, both_types=both_types))
 
 
 def _ranked(arranged: Arrangement, labelings: Labelings) -> Labelings:
