@@ -22,6 +22,8 @@ __all__ = ["FreeChoice", "Labelings", "consistent_labelings"]
 
 Flags = NDArray[np.bool_]
 SOLVER = "cadical195"
+EFFORT = 2_000_000  # literals of listed options, beyond which a choice is called incomplete
+LEAST = 1_000
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Labelings:
 def consistent_labelings(given: Conditions, *, limit: int = 100_000) -> Labelings | None:
     """All labelings that keep the conditions; None when there is none.
 
-    limit  options listed for one free choice before it is called incomplete
+    limit  options listed for one free choice before it is called incomplete; fewer where a choice has many cells
     """
     clauses = given.clauses()
     if not all(clauses):
@@ -153,12 +155,17 @@ def _free_choices(
 
 def _models(clauses: Sequence[Clause], members: Sequence[int], limit: int) -> tuple[list[list[int]], bool]:
     """Assignments of the members that some model extends, at most `limit`, and whether these are all."""
+    # members first, so that a model begins with them
+    names = dict.fromkeys([*members, *(abs(x) for clause in clauses for x in clause)])
+    number = {name: k + 1 for k, name in enumerate(names)}
+    renamed = [[number[abs(x)] * (1 if x > 0 else -1) for x in clause] for clause in clauses]
+    limit = min(limit, max(LEAST, EFFORT // len(members)))
     found: list[list[int]] = []
-    with Solver(name="glucose4", bootstrap_with=clauses) as solver:
+    with Solver(name="glucose4", bootstrap_with=renamed) as solver:
         while solver.solve():
             if len(found) == limit:
                 return found, False
-            value = {abs(x): x for x in solver.get_model()}
-            found.append([value[v] for v in members])
-            solver.add_clause([-x for x in found[-1]])
+            model = solver.get_model()[: len(members)]
+            found.append([name if x > 0 else -name for name, x in zip(members, model)])
+            solver.add_clause([-x for x in model])
     return found, True

@@ -220,21 +220,22 @@ def _runs(positions: Floats, edges: Ints, pieces: tuple[Ints, Ints], snap: float
     edge = np.tile(np.arange(len(edges)), 2)
     by_point = np.argsort(ends[:, 0], kind="stable")
     ends, edge = ends[by_point], edge[by_point]
-    starts = np.concatenate([[0], np.cumsum(np.bincount(ends[:, 0], minlength=len(positions)))])
-    for p in range(len(positions)):
-        rows = slice(starts[p], starts[p + 1])
-        links.append(_straight_on(positions, p, (ends[rows, 1], edge[rows]), snap))
+    starts = np.searchsorted(ends[:, 0], np.arange(len(positions) + 1))
+    count = np.diff(starts)
+    for valence in np.unique(count[count > 1]).tolist():
+        i, j = np.triu_indices(valence, 1)
+        rows = starts[:-1][count == valence][:, None]
+        first, second = (rows + i).ravel(), (rows + j).ravel()
+        straight = _straight_on(positions, np.column_stack([ends[first], ends[second, 1]]), snap)
+        links.append(np.column_stack([edge[first], edge[second]])[straight])
     return linked(np.concatenate(links), len(edges))
 
 
-def _straight_on(positions: Floats, point: int, around: tuple[Ints, Ints], snap: float) -> Ints:
-    """Pairs of edges at a point that continue each other."""
-    far, edge = around
-    i, j = np.triu_indices(len(far), 1)
-    a, b = positions[far[i]] - positions[point], positions[far[j]] - positions[point]
-    base = positions[far[j]] - positions[far[i]]
+def _straight_on(positions: Floats, triples: Ints, snap: float) -> Flags:
+    """Whether two edges at a point continue each other; rows (point, far end of one, far end of the other)."""
+    at, one, other = (positions[column] for column in triples.T)
+    a, b, base = one - at, other - at, other - one
     away = np.abs(a[:, 0] * base[:, 1] - a[:, 1] * base[:, 0]) / np.maximum(np.linalg.norm(base, axis=1), 1e-300)
     level = ((a == 0) & (b == 0)).any(axis=1)
     slanted = (a != 0).all(axis=1) & (b != 0).all(axis=1)
-    straight = ((a * b).sum(axis=1) < 0) & (level | (slanted & (away <= snap)))
-    return np.column_stack([edge[i[straight]], edge[j[straight]]])
+    return np.asarray(((a * b).sum(axis=1) < 0) & (level | (slanted & (away <= snap))))
