@@ -2,7 +2,8 @@
 
 The entry functions and the neutral types are loaded on first use, so that `import recon` costs nothing:
 
-    patch_hole(sherds)   the missing piece of a broken vessel
+    patch_hole(sherds)      the missing piece of a broken vessel
+    all_polyhedra(drawing)  every solid that three views can mean
 """
 
 from importlib import import_module
@@ -13,6 +14,12 @@ from recon.version import __version__
 _HOMES = {
     "patch_hole": "recon.hole_patch.pipeline",
     "PatchOptions": "recon.hole_patch.pipeline",
+    "all_polyhedra": "recon.three_view.pipeline",
+    "interpret": "recon.three_view.pipeline",
+    "ViewsOptions": "recon.three_view.pipeline",
+    "read_views": "recon.readers.views",
+    "DrawnView": "recon.geometry.views",
+    "ThreeViews": "recon.geometry.views",
     "read_mesh": "recon.readers.meshes",
     "BSplineCurve": "recon.geometry.bspline",
     "BSplineSurface": "recon.geometry.bspline",

@@ -20,6 +20,8 @@ __all__ = [
     "NoHole",
     "NoSurface",
     "NoWall",
+    "NoSolid",
+    "CurvedDrawing",
     "GateFailed",
     "NotWritten",
 ]
@@ -89,6 +91,23 @@ class NoSurface(Refusal):
 
 class NoWall(Refusal):
     """The second wall of the piece is unknown and no thickness was given."""
+
+
+class NoSolid(Refusal):
+    """No solid is drawn as the drawing shows; `conflicts` are the lines that contradict each other, where known."""
+
+    def __init__(self, problem: str, conflicts: Sequence[object] = ()) -> None:
+        super().__init__(problem[0].upper() + problem[1:] + ("" if problem.endswith(".") else "."))
+        self.conflicts = tuple(conflicts)
+
+
+class CurvedDrawing(Refusal):
+    """A drawing with arcs or other curves, where only straight edges can be read; `curves` names them and where."""
+
+    def __init__(self, path: str, curves: Sequence[str]) -> None:
+        shown = "; ".join(curves[:50]) + (f"; and {len(curves) - 50} more" if len(curves) > 50 else "")
+        super().__init__(f"{path}: holds {len(curves)} curves, and only straight edges can be read: {shown}.")
+        self.path, self.curves = path, tuple(curves)
 
 
 class GateFailed(Refusal):

@@ -24,6 +24,7 @@ JOBS = {
     "patch": "brep_export.app.patch_job:patch",
     "check": "brep_export.app.check_job:check_file",
     "demo": "brep_export.app.demo_job:demo",
+    "views": "brep_export.app.views_job:views",
 }
 
 app = typer.Typer(
@@ -220,6 +221,54 @@ def demo(
         "debug": debug,
     }
     _answer("demo", request, as_json=as_json, quiet=quiet, timeout=timeout)
+
+
+@app.command()
+def views(
+    drawing: Annotated[Path, typer.Argument(help="Three-view drawing: DXF or JSON.")],
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("-o", "--output", help=f"File to write ({' '.join(ENDINGS)} .obj .json). Repeatable."),
+    ] = None,
+    solution: Annotated[int, typer.Option(help="Number of the solid, the most plausible first.", min=1)] = 1,
+    all_solutions: Annotated[bool, typer.Option("--all", help="Write every solid, its number in the name.")] = False,
+    limit: Annotated[int, typer.Option(help="Solids written with --all, at most.", min=1)] = 100,
+    snap: Annotated[
+        float | None, typer.Option(help="Ends of lines that lie closer than this are one. Default: by the size.")
+    ] = None,
+    no_hidden: Annotated[
+        bool, typer.Option("--no-hidden", help="The drawing does not tell hidden lines from visible ones.")
+    ] = False,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Where no solid is drawn like this, change the one line that mends it.")
+    ] = False,
+    schema: Annotated[Schema, typer.Option(help="STEP application protocol.")] = Schema.AP214,
+    name: Annotated[str | None, typer.Option(help="Name of the part in the file's header.")] = None,
+    picture: Picture = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    timeout: Timeout = None,
+    force: Force = False,
+    debug: Debug = False,
+) -> None:
+    """Every solid with planar faces that a three-view drawing can mean."""
+    request = {
+        "inputs": [str(drawing)],
+        "outputs": [str(path) for path in output or []],
+        "more_endings": (".obj", ".json"),
+        "solution": solution,
+        "all": all_solutions,
+        "limit": limit,
+        "snap": snap,
+        "no_hidden": no_hidden,
+        "repair": repair,
+        "schema": schema.value,
+        "name": name,
+        "picture": None if picture is None else str(picture),
+        "force": force,
+        "debug": debug,
+    }
+    _answer("views", request, as_json=as_json, quiet=quiet, timeout=timeout)
 
 
 def _answer(command: str, request: dict[str, Any], *, as_json: bool, quiet: bool, timeout: float | None) -> None:

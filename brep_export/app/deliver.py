@@ -28,17 +28,25 @@ def gate(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, bench: Be
 
 
 def write_files(
-    shape: TopoDS_Shape, report: CheckReport, request: Mapping[str, Any], bench: Bench, *, paint: Painter
+    shape: TopoDS_Shape,
+    report: CheckReport,
+    request: Mapping[str, Any],
+    bench: Bench,
+    *,
+    paint: Painter,
+    beside: Mapping[str, Painter] | None = None,
 ) -> Delivery:
     """Write every output that was asked for, and the picture; nothing when the gate refused and nobody forced it.
 
     paint    draws the picture into a file
+    beside   further files of the same result, each with what writes it
     Returns  the report with the read-back line added, and the paths written
     Raises   NotWritten.
     """
     if not report.passed and not request.get("force"):
         return report, []
     picture = request.get("picture")
+    others = dict(beside or {}) | ({} if picture is None else {picture: paint})
     with bench.phase("write", "writing and reading back"):
         read_back = write_outputs(
             shape,
@@ -47,10 +55,10 @@ def write_files(
             header=FileHeader(name=request.get("name") or "missing piece"),
             schema=StepSchema[request.get("schema", "AP214")],
             allow_change=bool(request.get("force")),
-            beside={} if picture is None else {picture: paint},
+            beside=others,
             announce=bench.staged,
         )
-    written = [*request["outputs"], *([] if picture is None else [picture])]
+    written = [*request["outputs"], *others]
     return _with_worst(report, read_back), written
 
 

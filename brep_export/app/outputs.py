@@ -19,9 +19,10 @@ def check_destinations(request: Mapping[str, Any]) -> None:
     Raises  UnsupportedFormat, BadOption.
     """
     outputs = [Path(path) for path in request["outputs"]]
+    endings = ENDINGS + tuple(request.get("more_endings", ()))
     for path in outputs:
-        if path.suffix.lower() not in ENDINGS:
-            raise UnsupportedFormat(str(path), ENDINGS)
+        if path.suffix.lower() not in endings:
+            raise UnsupportedFormat(str(path), endings)
     picture = request.get("picture")
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise UnsupportedFormat(str(picture), (".png",))

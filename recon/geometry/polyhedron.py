@@ -59,6 +59,13 @@ class Polyhedron:
         if used != list(range(len(self.faces))):
             raise BadGeometry("polyhedron", "each face must belong to exactly one shell")
 
+    def mirrored(self, axis: int, at: float) -> "Polyhedron":
+        """The mirror image in the plane across a coordinate axis."""
+        vertices = self.vertices.copy()
+        vertices[:, axis] = 2 * at - vertices[:, axis]
+        faces = tuple(PlanarFace(f.outer[::-1], tuple(hole[::-1] for hole in f.holes)) for f in self.faces)
+        return Polyhedron(vertices, faces, self.bodies)
+
 
 def mesh_bodies(mesh: TriangleMesh) -> list[tuple[Ints, ...]]:
     """Face numbers of every body of a closed mesh: its outer shell first, then the shells of its voids.

@@ -1,0 +1,203 @@
+"""From the strokes of a sheet to three views: separated, scaled to each other, moved to one origin.
+
+    third angle,           first angle,             first angle,             third angle,
+    side from the right    side from the right      side from the left       side from the left
+      +-----+                +----+ +-------+         +-------+ +----+                +-----+
+      | top |                |side| | front |         | front | |side|                | top |
+      +-----+                +----+ +-------+         +-------+ +----+                +-----+
+      +-----+ +----+                +-------+         +-------+                +----+ +-----+
+      |front| |side|                |  top  |         |  top  |                |side| |front|
+      +-----+ +----+                +-------+         +-------+                +----+ +-----+
+
+The empty quarter of the sheet tells which of the four it is. Where the side view looks from the left, the sheet is read
+as that of the part's mirror image, whose side view looks from the right.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import UnreadableFile
+from recon.geometry.views import DrawnView, ThreeViews
+
+__all__ = ["Layout", "Strokes", "ViewSheet", "separate_views"]
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+TOUCH = 1e-4  # of the sheet's size: strokes that come so near belong to one figure
+MISFIT = 0.02  # of the drawing's size: widths and heights that two views share may differ by this, once scaled
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the views stand: the quarter of the sheet, (right, up) as 0 or 1, of each view."""
+
+    name: str
+    front: tuple[int, int]
+    top: tuple[int, int]
+    side: tuple[int, int]
+    mirrored: bool
+
+
+LAYOUTS = (
+    Layout("third angle, side view from the right", (0, 0), (0, 1), (1, 0), False),
+    Layout("first angle, side view from the right", (1, 1), (1, 0), (0, 1), False),
+    Layout("first angle, side view from the left", (0, 1), (0, 0), (1, 1), True),
+    Layout("third angle, side view from the left", (1, 0), (1, 1), (0, 0), True),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Strokes:
+    """Straight lines of a sheet.
+
+    segments  (n, 2, 2)
+    hidden    (n,) dashed
+    """
+
+    segments: Floats
+    hidden: Flags
+
+    def chosen(self, rows: Flags | Ints) -> "Strokes":
+        return Strokes(self.segments[rows], self.hidden[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSheet:
+    """A drawing as read from a sheet.
+
+    drawing    the three views, of the part or of its mirror image
+    mirrored   whether x runs to the left: the part is the mirror image of what the views show
+    notes      how the views stand, their scales, and what was set aside
+    """
+
+    drawing: ThreeViews
+    mirrored: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def separate_views(strokes: Strokes, name: str) -> ViewSheet:
+    """The three views of a sheet.
+
+    Promises  the views share one origin and the front view's scale.
+    Raises    UnreadableFile when the strokes do not fall into three views that share their widths and heights.
+    """
+    if not len(strokes.segments):
+        raise UnreadableFile(name, "holds no lines of a drawing", "Three views in straight lines are needed")
+    strokes, notes = _without_frame(strokes)
+    fits = [fit for layout in LAYOUTS for fit in _fits(strokes, layout)]
+    if not fits:
+        raise UnreadableFile(
+            name,
+            "its lines do not fall into front, top and side views",
+            "The top view stands above or below the front view, the side view beside it, with gaps between them",
+        )
+    misfit, layout, views, scales = min(fits, key=lambda fit: fit[0])
+    if misfit > MISFIT:
+        raise UnreadableFile(
+            name,
+            f"the three views do not share their widths and heights (they are off by {100 * misfit:.2g} %)",
+            "Draw all three at one scale, or each at its own with its full width and height",
+        )
+    notes.append(layout.name)
+    if any(abs(scale - 1) > 0.005 for scale in scales):
+        notes.append(
+            "the top view is drawn at {:.4g} and the side view at {:.4g} of the front view's scale".format(
+                *(1 / scale for scale in scales)
+            )
+        )
+    return ViewSheet(_aligned(views, scales, layout.mirrored), layout.mirrored, tuple(notes))
+
+
+def _boxes(segments: Floats) -> Floats:
+    return np.concatenate([segments.min(axis=1), segments.max(axis=1)], axis=1)
+
+
+def _without_frame(strokes: Strokes) -> tuple[Strokes, list[str]]:
+    """The strokes but for figures that surround all others."""
+    notes: list[str] = []
+    while True:
+        figure = _figures(strokes.segments)
+        count = int(figure.max()) + 1
+        if count < 4:
+            return strokes, notes
+        boxes = np.array([_box(strokes.segments[figure == k]) for k in range(count)])
+        around = int(np.argmax((boxes[:, 2:] - boxes[:, :2]).prod(axis=1)))
+        others = np.arange(count) != around
+        inside = (boxes[others, :2] > boxes[around, :2]).all(axis=1) & (boxes[others, 2:] < boxes[around, 2:]).all(
+            axis=1
+        )
+        if not inside.all():
+            return strokes, notes
+        notes.append(f"set aside a frame of {int((figure == around).sum())} lines")
+        strokes = strokes.chosen(figure != around)
+
+
+def _box(segments: Floats) -> Floats:
+    points = segments.reshape(-1, 2)
+    return np.concatenate([points.min(axis=0), points.max(axis=0)])
+
+
+def _figures(segments: Floats) -> Ints:
+    """(n,) number of the figure that each stroke belongs to: strokes that touch make a figure."""
+    import shapely
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    lines = shapely.linestrings(segments)
+    reach = TOUCH * float(np.ptp(segments.reshape(-1, 2), axis=0).max())
+    a, b = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=reach)
+    graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(lines), len(lines)))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _gaps(low: Floats, high: Floats) -> list[float]:
+    """Middles of the gaps that no interval covers."""
+    order = np.argsort(low)
+    reach = np.maximum.accumulate(high[order])
+    open_after = np.flatnonzero(low[order][1:] > reach[:-1])
+    return [float((low[order][k + 1] + reach[k]) / 2) for k in open_after]
+
+
+Fit = tuple[float, Layout, tuple[Strokes, Strokes, Strokes], tuple[float, float]]
+
+
+def _fits(strokes: Strokes, layout: Layout) -> list[Fit]:
+    """Every way to cut the sheet into quarters as the layout wants it, with the misfit of the shared lengths."""
+    box = _boxes(strokes.segments)
+    found: list[Fit] = []
+    for x, y in product(_gaps(box[:, 0], box[:, 2]), _gaps(box[:, 1], box[:, 3])):
+        quarter = np.column_stack([box[:, 0] > x, box[:, 1] > y]).astype(np.int64)
+        front, top, side = (strokes.chosen((quarter == q).all(axis=1)) for q in (layout.front, layout.top, layout.side))
+        counts = [len(view.segments) for view in (front, top, side)]
+        if min(counts) and sum(counts) == len(box):
+            found.append(_fit(layout, (front, top, side)))
+    return found
+
+
+def _fit(layout: Layout, views: tuple[Strokes, Strokes, Strokes]) -> Fit:
+    (width, height), (top_width, depth), (side_depth, side_height) = (
+        np.ptp(view.segments.reshape(-1, 2), axis=0).tolist() for view in views
+    )
+    if min(width, height, top_width, side_height) <= 0:
+        return np.inf, layout, views, (1.0, 1.0)
+    size = max(width, height, depth)
+    plain = max(abs(width - top_width), abs(height - side_height), abs(depth - side_depth)) / size
+    scales = width / top_width, height / side_height
+    scaled = abs(depth * scales[0] - side_depth * scales[1]) / size
+    return (plain, layout, views, (1.0, 1.0)) if plain <= 0.005 else (scaled, layout, views, scales)
+
+
+def _aligned(views: Sequence[Strokes], scales: tuple[float, float], mirrored: bool) -> ThreeViews:
+    made = []
+    for view, scale in zip(views, (1.0, *scales)):
+        segments = (view.segments - view.segments.reshape(-1, 2).min(axis=0)) * scale
+        if mirrored:
+            segments = segments * [-1, 1] + [segments[:, :, 0].max(), 0.0]
+        made.append(DrawnView(segments, view.hidden))
+    return ThreeViews(*made)

@@ -1,0 +1,227 @@
+"""From three views to every solid they can mean, step by step as in [watanabe].
+
+1. points and edges of the views        (4.1)        `view_graph`
+2. candidate vertices                   (4.2)        `vertices`
+3. candidate edges, planes, fragments   (4.3)        `edges`, `planes`, `fragments`
+4. cells, and what each view meets      (in place of unions of minimal regions)    `cells`, `sight_lines`
+5. consistent labelings                 (4.4, 5)     `conditions`, `labeling`
+6. polyhedra, drawn again               (output)     `assembly`, `verification`
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, islice, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import BadOption, NoSolid
+from recon.geometry.polyhedron import Polyhedron
+from recon.geometry.views import ThreeViews
+from recon.three_view.assembly import assemble
+from recon.three_view.cells import Cells, space_cells
+from recon.three_view.conditions import Conditions, conditions
+from recon.three_view.conflicts import Change, DrawnLine, Repair, minimal_conflict, moved_lines, repaired, retyped_lines
+from recon.three_view.edges import candidate_edges
+from recon.three_view.fragments import Fragments, fragments
+from recon.three_view.labeling import FreeChoice, Labelings, consistent_labelings
+from recon.three_view.planes import candidate_planes
+from recon.three_view.sight_lines import sight_lines
+from recon.three_view.snapping import snap_lengths
+from recon.three_view.verification import Difference, differences
+from recon.three_view.vertices import candidate_vertices
+from recon.three_view.view_graph import ViewGraph, view_graphs
+
+__all__ = ["Diagnosis", "Interpretation", "ViewsOptions", "all_polyhedra", "diagnose", "interpret"]
+
+Flags = NDArray[np.bool_]
+
+MOVES = 40  # shifts of a line that are tried
+RANKED = 64  # options of one choice, and solids, up to which all are looked at to tell which is most plausible
+
+
+@dataclass(frozen=True)
+class ViewsOptions:
+    """What a user may choose.
+
+    snap        length: ends of lines that lie closer are one; None lets the drawing tell
+    line_types  whether dashed means hidden and drawn through visible; False when the drawing does not tell them apart
+    limit       options listed for one free choice; the count is a lower bound when there are more
+    Raises      BadOption.
+    """
+
+    snap: float | None = None
+    line_types: bool = True
+    limit: int = 100_000
+
+    def __post_init__(self) -> None:
+        if self.snap is not None and not 0 < self.snap < np.inf:
+            raise BadOption("--snap", f"must be a positive length, not {self.snap}")
+        if self.limit < 1:
+            raise BadOption("--limit", f"must be at least 1, not {self.limit}")
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangement:
+    """Space as the drawing divides it, and what the drawing demands of it."""
+
+    graphs: Sequence[ViewGraph]
+    fragments: Fragments
+    cells: Cells
+    conditions: Conditions
+
+
+@dataclass(frozen=True, eq=False)
+class Interpretation:
+    """Every solid that a drawing can mean, most plausible first.
+
+    drawing      as given
+    snap         length below which two places of it were one
+    arrangement  fragments and cells
+    labelings    which cells are solid, as a product of free choices
+    line_types   whether line types had a say
+    """
+
+    drawing: ThreeViews
+    snap: float
+    arrangement: Arrangement
+    labelings: Labelings
+    line_types: bool
+
+    @property
+    def count(self) -> int:
+        """Number of solids; a lower bound unless `complete`."""
+        return self.labelings.count
+
+    @property
+    def complete(self) -> bool:
+        return self.labelings.complete
+
+    def polyhedra(self) -> Iterator[Polyhedron]:
+        """One solid after the other."""
+        for solid in self.labelings:
+            yield assemble(self.arrangement.fragments, self.arrangement.cells, solid)
+
+    def polyhedron(self, number: int) -> Polyhedron:
+        """The solid of a number, 0 the most plausible; raises BadOption when there are not so many."""
+        if not 0 <= number < self.count:
+            raise BadOption("--solution", f"there are {self.count}, numbered from 1; {number + 1} is none of them")
+        return assemble(self.arrangement.fragments, self.arrangement.cells, self.labelings.labeling(number))
+
+    def differences(self, solid: Polyhedron) -> list[Difference]:
+        """Where a solid, drawn again, differs from the drawing; none for a solution."""
+        return differences(self.drawing, solid, self.snap, line_types=self.line_types)
+
+
+def all_polyhedra(drawing: ThreeViews, options: ViewsOptions | None = None) -> Iterator[Polyhedron]:
+    """Every solid that a drawing can mean, most plausible first, each drawn again and compared before it is shown.
+
+    Raises  NoSolid when there is none.
+    """
+    found = interpret(drawing, options)
+    return (solid for solid in found.polyhedra() if not found.differences(solid))
+
+
+def interpret(
+    drawing: ThreeViews, options: ViewsOptions | None = None, *, doing: Callable[[str], None] = lambda text: None
+) -> Interpretation:
+    """What a drawing can mean.
+
+    Raises  NoSolid when no solid is drawn like that.
+    """
+    options = options or ViewsOptions()
+    for snap in snap_lengths(drawing) if options.snap is None else [options.snap]:
+        doing("dividing space")
+        arranged = arrange(drawing, snap, line_types=options.line_types)
+        doing("choosing solid cells")
+        labelings = consistent_labelings(arranged.conditions, limit=options.limit)
+        if labelings is not None:
+            doing("ranking the solids")
+            return Interpretation(drawing, snap, arranged, _ranked(arranged, labelings), options.line_types)
+    raise NoSolid("no solid is drawn like this")
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Why a drawing has no solid.
+
+    conflict  lines that contradict each other, none to spare
+    repairs   single changes after which there is a solid, the most likely first
+    """
+
+    conflict: tuple[DrawnLine, ...]
+    repairs: tuple[Repair, ...]
+
+
+def diagnose(drawing: ThreeViews, options: ViewsOptions | None = None, *, limit: int = 3) -> Diagnosis:
+    """The lines of a drawing without a solid that contradict each other, and at most `limit` repairs of one line."""
+    options = options or ViewsOptions()
+    snap = snap_lengths(drawing)[0] if options.snap is None else options.snap
+    arranged = arrange(drawing, snap, line_types=options.line_types, both_types=True)
+    conflict = minimal_conflict(arranged.conditions, arranged.graphs)
+    moves = (repair for repair in islice(moved_lines(drawing, snap), MOVES) if _mends(drawing, repair, snap, options))
+    retyped = retyped_lines(arranged.conditions, arranged.graphs, conflict)
+    kinds = sorted(islice(chain(moves, retyped), 2 * limit), key=lambda repair: repair.change is Change.DROPPED)
+    return Diagnosis(tuple(conflict), tuple(kinds[:limit]))
+
+
+def _mends(drawing: ThreeViews, repair: Repair, snap: float, options: ViewsOptions) -> bool:
+    """Whether a solid draws as the repaired drawing."""
+    again = arrange(repaired(drawing, repair), snap, line_types=options.line_types)
+    return consistent_labelings(again.conditions, limit=1) is not None
+
+
+def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True, both_types: bool = False) -> Arrangement:
+    """Steps 1 to 4, and the clauses of step 5; with `both_types` also those of each line in the other line type."""
+    values, graphs = view_graphs(drawing, snap)
+    wire = candidate_edges(candidate_vertices(values, graphs), graphs, snap)
+    made = fragments(wire, candidate_planes(wire, snap), snap)
+    sights = sight_lines(made, graphs, snap)
+    cells = space_cells(made, sights)
+    hidden = [graph.hidden if line_types else None for graph in graphs]
+    return Arrangement(graphs, made, cells, conditions(made, cells, sights, hidden, both_types=both_types))
+
+
+def _ranked(arranged: Arrangement, labelings: Labelings) -> Labelings:
+    """The same labelings, the options of each choice sorted by the solid they give beside the first of all others."""
+    choices = list(labelings.choices)
+    for k, choice in enumerate(choices):
+        if len(choice.options) > 1:
+            options = choice.options
+            if len(options) <= RANKED:
+                cost = [_cost(arranged, _with_option(labelings, choices, k, option)) for option in options]
+            else:
+                cost = [(_walls(arranged, _with_option(labelings, choices, k, option)),) for option in options]
+            order = sorted(range(len(options)), key=lambda i: cost[i])
+            choices[k] = replace(choice, options=tuple(options[i] for i in order))
+    ranked = replace(labelings, choices=tuple(choices))
+    if len(choices) > 1 and 1 < labelings.count <= RANKED:
+        return _ranked_together(arranged, ranked)
+    return ranked
+
+
+def _ranked_together(arranged: Arrangement, labelings: Labelings) -> Labelings:
+    """Few solids: their common order, best first; the choices are kept beside it."""
+    picks = list(product(*(range(len(choice.options)) for choice in labelings.choices)))
+    cost = [_cost(arranged, solid) for solid in labelings]
+    return replace(labelings, order=tuple(picks[i] for i in sorted(range(len(picks)), key=lambda i: cost[i])))
+
+
+def _with_option(labelings: Labelings, choices: list[FreeChoice], k: int, option: frozenset[int]) -> Flags:
+    picked = [option if j == k else other.options[0] for j, other in enumerate(choices)]
+    solid = np.zeros(labelings.n_cells, dtype=bool)
+    solid[list(labelings.forced.union(*picked))] = True
+    return solid
+
+
+def _walls(arranged: Arrangement, solid: Flags) -> int:
+    front, back = solid[arranged.cells.of_side].T
+    return int((front != back).sum())
+
+
+def _cost(arranged: Arrangement, solid: Flags) -> tuple[int, ...]:
+    """Fewer bodies, voids, faces and edges make a solid more plausible, in that order."""
+    made = assemble(arranged.fragments, arranged.cells, solid)
+    voids = sum(len(body) - 1 for body in made.bodies)
+    sides = sum(len(loop) for face in made.faces for loop in face.loops)
+    return len(made.bodies), voids, len(made.faces), sides // 2

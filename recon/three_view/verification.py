@@ -1,0 +1,109 @@
+"""Proof of a solution: it is drawn again, and compared with the drawing segment by segment (paper, end of METHODS 4).
+
+given     ------+- - - -          at a point of every piece of either drawing both must show the same:
+again     ------+-------          nothing, a line drawn through, or a dashed line
+                   ^ differs
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry.polyhedron import Polyhedron
+from recon.geometry.views import ThreeViews
+from recon.three_view.hidden_lines import draw
+from recon.three_view.view_graph import ViewGraph, view_graphs
+
+__all__ = ["Difference", "Line", "differences"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Line(StrEnum):
+    """What a drawing shows at a place."""
+
+    NONE = "nothing"
+    VISIBLE = "a line drawn through"
+    HIDDEN = "a dashed line"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A piece of a line that two drawings show differently.
+
+    view   name of the view
+    ends   both ends, in the view's own coordinates
+    given  what the drawing shows
+    again  what the solid shows when it is drawn
+    """
+
+    view: str
+    ends: tuple[tuple[float, float], tuple[float, float]]
+    given: Line
+    again: Line
+
+    def __str__(self) -> str:
+        (a, b), (c, d) = self.ends
+        return (
+            f"{self.view}: {self.given} from ({a:.4g}, {b:.4g}) to ({c:.4g}, {d:.4g}), where the solid has {self.again}"
+        )
+
+
+def differences(drawing: ThreeViews, solid: Polyhedron, snap: float, *, line_types: bool = True) -> list[Difference]:
+    """Where the views of a solid differ from a drawing; none when it is a solution.
+
+    snap        length by which lines may be apart
+    line_types  whether drawn-through and dashed lines must agree too
+    """
+    again = draw(solid, snap)
+    _, given = view_graphs(drawing, snap)
+    _, drawn = view_graphs(again, snap)
+    found: list[Difference] = []
+    for one, other in zip(given, drawn):
+        found += _compared(one, other, snap, line_types)
+        found += [
+            Difference(d.view, d.ends, d.again, d.given)
+            for d in _compared(other, one, snap, line_types)
+            if d.again is Line.NONE
+        ]
+    return found
+
+
+def _compared(one: ViewGraph, other: ViewGraph, snap: float, line_types: bool) -> list[Difference]:
+    way = one.directions()
+    look = one.positions[one.edges[:, 0]] + 0.4837 * way
+    mine = np.where(one.hidden, 2, 1)
+    theirs = _shown(other, look, way, snap)
+    wrong = (mine != theirs) if line_types else (theirs == 0)
+    kinds = list(Line)
+    ends = one.positions[one.edges]
+    return [
+        Difference(
+            one.projection.name,
+            (tuple(ends[k, 0].tolist()), tuple(ends[k, 1].tolist())),
+            kinds[mine[k]],
+            kinds[theirs[k]],
+        )
+        for k in np.flatnonzero(wrong).tolist()
+    ]
+
+
+def _shown(graph: ViewGraph, look: Floats, way: Floats, snap: float) -> Ints:
+    """0 nothing, 1 drawn through, 2 dashed: what a view shows at points, along a direction."""
+    start, along = graph.positions[graph.edges[:, 0]], graph.directions()
+    length = np.linalg.norm(along, axis=1)
+    shown = np.zeros(len(look), dtype=np.int64)
+    for k in range(len(look)):
+        gap = look[k] - start
+        share = (gap * along).sum(axis=1) / length**2
+        away = np.abs(gap[:, 0] * along[:, 1] - gap[:, 1] * along[:, 0]) / length
+        size = np.hypot(*way[k])
+        turn = np.abs(along[:, 0] * way[k, 1] - along[:, 1] * way[k, 0])
+        near = (share > 0) & (share < 1) & (away <= 2 * snap)
+        near &= turn <= 0.02 * length * size + 4 * snap * np.maximum(length, size)
+        if near.any():
+            shown[k] = 2 if graph.hidden[near].all() else 1
+    return shown

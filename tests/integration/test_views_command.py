@@ -1,0 +1,71 @@
+"""`recon views`, from a drawing on disk to checked files."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from recon.three_view.pipeline import interpret
+
+RECON = [sys.executable, "-c", "from brep_export.app.cli import main; main()"]
+DRAWINGS = Path(__file__).parents[2].parent / "shared" / "data" / "views"
+SQUARE = [[0, 0, 40, 0], [40, 0, 40, 40], [40, 40, 0, 40], [0, 40, 0, 0]]
+
+
+def recon(*words, **options):
+    return subprocess.run(
+        [*RECON, *map(str, words)], capture_output=True, text=True, timeout=300, check=False, **options
+    )
+
+
+def puzzle(path, *diagonals):
+    views = {
+        name: {"visible": [*SQUARE, *diagonal], "hidden": []}
+        for name, diagonal in zip(("front", "top", "side"), diagonals)
+    }
+    path.write_text(json.dumps({"views": views}))
+    return path
+
+
+def test_every_solid_of_a_puzzle_is_written_and_passes_the_gate(tmp_path):
+    drawing = puzzle(tmp_path / "puzzle.json", [[0, 40, 40, 0]], [[0, 0, 40, 40]], [[0, 0, 40, 40]])
+    run = recon(
+        "views", drawing, "--all", "-o", "part.step", "-o", "part.obj", "-o", "part.json", "--json", cwd=tmp_path
+    )
+    answer = json.loads(run.stdout)
+    assert (run.returncode, answer["verdict"]) == (0, "pass"), run.stderr
+    assert (answer["room"]["solutions"], answer["room"]["complete"]) == (6, True)
+    assert len(list(tmp_path.glob("part_*.step"))) == 6
+    made = json.loads((tmp_path / "part_1.json").read_text())
+    assert len(made["vertices"]) - len(made["edges"]) + len(made["faces"]) == 2
+    assert (tmp_path / "part_1.obj").read_text().count("\nf ") == len(made["faces"])
+
+
+def test_a_number_too_large_and_a_contradiction_get_one_sentence(tmp_path):
+    drawing = puzzle(tmp_path / "puzzle.json", [[0, 40, 40, 0]], [[0, 0, 40, 40]], [[0, 0, 40, 40]])
+    run = recon("views", drawing, "--solution", "7", "-o", tmp_path / "part.step")
+    assert run.returncode == 2
+    assert "--solution" in run.stderr
+    odd = puzzle(tmp_path / "odd.json", [[0, 40, 40, 0]], [], [])
+    run = recon("views", odd, "-o", tmp_path / "part.step")
+    assert run.returncode == 1
+    assert "No solid" in run.stderr
+    assert not list(tmp_path.glob("*.step"))
+
+
+@pytest.mark.skipif(not DRAWINGS.is_dir(), reason="the folder of drawings is not beside this checkout")
+def test_real_drawings_have_as_many_solids_as_are_known():
+    from recon.readers.views import read_views
+
+    known = json.loads((DRAWINGS / "drawings" / "manifest.json").read_text())
+    counts = {name: interpret(read_views(DRAWINGS / "drawings" / f"{name}.dxf").drawing).count for name in known}
+    assert counts == {name: row["solutions"] for name, row in known.items()}
+
+
+@pytest.mark.skipif(not DRAWINGS.is_dir(), reason="the folder of drawings is not beside this checkout")
+def test_sheets_with_arcs_are_refused_with_their_places(tmp_path):
+    run = recon("views", DRAWINGS / "sheets" / "5.dxf", "-o", tmp_path / "part.step")
+    assert run.returncode == 1
+    assert "circle at (-40, 20) of radius 5" in run.stderr

@@ -1,0 +1,185 @@
+"""Drawings from files: the sheet that was written is the drawing that is read, or one sentence says why not."""
+
+import json
+
+import ezdxf
+import numpy as np
+import pytest
+
+from recon.errors import BadGeometry, CurvedDrawing, UnreadableFile, UnsupportedFormat
+from recon.readers.views import read_views
+
+# an L-shaped block with a groove, so that no two views are alike: 40 wide, 20 deep, 30 high
+FRONT = [[0, 0, 40, 0], [40, 0, 40, 10], [40, 10, 15, 10], [15, 10, 15, 30], [15, 30, 0, 30], [0, 30, 0, 0]]
+TOP = [[0, 0, 40, 0], [40, 0, 40, 20], [40, 20, 0, 20], [0, 20, 0, 0], [15, 0, 15, 20]]
+SIDE = [[0, 0, 20, 0], [20, 0, 20, 30], [20, 30, 0, 30], [0, 30, 0, 0], [0, 10, 20, 10]]
+DASHED = {"front": [[5, 0, 5, 30]], "top": [[5, 5, 5, 15]], "side": [[5, 12, 15, 12]]}
+VIEWS = {"front": FRONT, "top": TOP, "side": SIDE}
+PLACES = {
+    "third angle, side view from the right": {"front": (0, 0), "top": (0, 50), "side": (60, 0)},
+    "first angle, side view from the right": {"front": (0, 0), "top": (0, -40), "side": (-40, 0)},
+    "first angle, side view from the left": {"front": (0, 0), "top": (0, -40), "side": (60, 0)},
+    "third angle, side view from the left": {"front": (0, 0), "top": (0, 50), "side": (-40, 0)},
+}
+
+
+def sheet(places, *, scale=None, hidden=None):
+    """A DXF document with the views at their places; `hidden` are the attributes that dashed lines get."""
+    document = ezdxf.new("R2010", setup=True)
+    document.units = ezdxf.units.MM
+    document.layers.add("HIDDEN", linetype="DASHED")
+    space = document.modelspace()
+    scale = scale or {}
+    for name, (x, y) in places.items():
+        for segments, attributes in ((VIEWS[name], {}), (DASHED[name], hidden or {"layer": "HIDDEN"})):
+            for a, b, c, d in np.array(segments) * scale.get(name, 1.0):
+                space.add_line((a + x, b + y), (c + x, d + y), dxfattribs=attributes)
+    return document
+
+
+def rows(view):
+    found = set()
+    for ends, hidden in zip(np.round(view.segments, 6).tolist(), view.hidden):
+        a, b = sorted(map(tuple, ends))
+        found.add((*a, *b, bool(hidden)))
+    return found
+
+
+def expected(name):
+    found = set()
+    for segments, hidden in ((VIEWS[name], False), (DASHED[name], True)):
+        for a, b, c, d in segments:
+            found.add((*map(float, (*min((a, b), (c, d)), *max((a, b), (c, d)))), hidden))
+    return found
+
+
+@pytest.mark.parametrize("layout", [name for name in PLACES if "right" in name])
+def test_each_arrangement_of_the_views_is_told_from_its_empty_quarter(layout, tmp_path):
+    path = tmp_path / "part.dxf"
+    sheet(PLACES[layout]).saveas(path)
+    read = read_views(path)
+    assert layout in read.notes
+    assert not read.mirrored
+    assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
+
+
+@pytest.mark.parametrize("layout", [name for name in PLACES if "left" in name])
+def test_a_side_view_from_the_left_is_read_as_the_mirror_image(layout, tmp_path):
+    path = tmp_path / "part.dxf"
+    sheet(PLACES[layout]).saveas(path)
+    read = read_views(path)
+    assert layout in read.notes
+    assert read.mirrored
+    turned = read.drawing.front.segments * [-1, 1] + [40, 0]
+    assert rows(type(read.drawing.front)(turned, read.drawing.front.hidden)) == expected("front")
+
+
+@pytest.mark.parametrize(
+    "hidden", [{"linetype": "HIDDEN"}, {"linetype": "DASHED2"}, {"linetype": "ACAD_ISO02W100"}, {"layer": "VERDECKT"}]
+)
+def test_hidden_lines_are_known_by_line_type_or_layer(hidden, tmp_path):
+    path = tmp_path / "part.dxf"
+    sheet(PLACES["third angle, side view from the right"], hidden=hidden).saveas(path)
+    assert [int(view.hidden.sum()) for _, view in read_views(path).drawing] == [1, 1, 1]
+
+
+def test_views_at_their_own_scales_are_brought_to_that_of_the_front_view(tmp_path):
+    path = tmp_path / "part.dxf"
+    sheet({"front": (0, 0), "top": (0, 50), "side": (100, 0)}, scale={"top": 2.0, "side": 0.5}).saveas(path)
+    read = read_views(path)
+    assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
+    assert any("scale" in note for note in read.notes)
+
+
+def test_what_is_no_edge_is_set_aside_and_counted(tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    space = document.modelspace()
+    space.add_line((20, -5), (20, 35), dxfattribs={"linetype": "CENTER"})
+    space.add_text("PART", dxfattribs={"insert": (70, 60)})
+    space.add_linear_dim(base=(0, -10), p1=(0, 0), p2=(40, 0)).render()
+    space.add_lwpolyline([(-90, -90), (190, -90), (190, 190), (-90, 190)], close=True)
+    block = document.blocks.new("SYMBOL")
+    block.add_text("A")
+    space.add_blockref("SYMBOL", (90, 90))
+    path = tmp_path / "part.dxf"
+    document.saveas(path)
+    read = read_views(path)
+    assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
+    told = " ".join(read.notes)
+    assert all(word in told for word in ("1 centre lines", "1 dimensions", "2 texts", "frame of 4 lines"))
+
+
+def test_polylines_and_blocks_are_resolved(tmp_path):
+    document = ezdxf.new("R2010", setup=True)
+    document.units = ezdxf.units.MM
+    space = document.modelspace()
+    for name, (x, y) in PLACES["third angle, side view from the right"].items():
+        block = document.blocks.new(name.upper())
+        for a, b, c, d in VIEWS[name]:
+            block.add_lwpolyline([(a, b), (c, d)])
+        for a, b, c, d in DASHED[name]:
+            block.add_line((a, b), (c, d), dxfattribs={"linetype": "HIDDEN"})
+        space.add_blockref(name.upper(), (x, y))
+    path = tmp_path / "part.dxf"
+    document.saveas(path)
+    assert [rows(view) for _, view in read_views(path).drawing] == [expected(name) for name in VIEWS]
+
+
+def test_arcs_are_refused_with_their_places(tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    document.modelspace().add_circle((20, 5), 3)
+    document.modelspace().add_lwpolyline([(0, 0, 0), (10, 0, 1.0), (20, 0, 0)], format="xyb")
+    path = tmp_path / "part.dxf"
+    document.saveas(path)
+    with pytest.raises(CurvedDrawing) as refusal:
+        read_views(path)
+    assert len(refusal.value.curves) == 2
+    assert "circle at (20, 5) of radius 3" in str(refusal.value)
+
+
+def test_sheets_that_hold_no_three_views_say_so(tmp_path):
+    path = tmp_path / "part.dxf"
+    sheet({"front": (0, 0), "top": (0, 50)}).saveas(path)
+    with pytest.raises(UnreadableFile, match="do not fall into"):
+        read_views(path)
+    document = sheet(PLACES["third angle, side view from the right"])
+    document.modelspace().add_line((0, 75), (70, 75))
+    document.saveas(path)
+    with pytest.raises(UnreadableFile):
+        read_views(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("", UnreadableFile),
+        ("[1, 2]", UnreadableFile),
+        ('{"views": {"front": {"visible": []}}}', UnreadableFile),
+        ('{"views": {"front": {"visible": [[0, 0, 1]]}}}', BadGeometry),
+        ('{"views": {"front": {"visible": [[0, 0, 1, NaN]]}}}', BadGeometry),
+        ('{"views": {"front": {"visible": 7}}}', UnreadableFile),
+    ],
+)
+def test_damaged_json_gets_one_sentence(text, error, tmp_path):
+    path = tmp_path / "part.json"
+    path.write_text(text)
+    with pytest.raises(error):
+        read_views(path)
+
+
+def test_json_and_dxf_of_one_drawing_say_the_same(tmp_path):
+    views = {name: {"visible": VIEWS[name], "hidden": DASHED[name]} for name in VIEWS}
+    (tmp_path / "part.json").write_text(json.dumps({"views": views}))
+    sheet(PLACES["third angle, side view from the right"]).saveas(tmp_path / "part.dxf")
+    one, other = (read_views(tmp_path / name).drawing for name in ("part.json", "part.dxf"))
+    assert [rows(view) for _, view in one] == [rows(view) for _, view in other]
+
+
+def test_other_endings_and_damaged_dxf_are_refused(tmp_path):
+    with pytest.raises(UnsupportedFormat):
+        read_views("part.pdf")
+    path = tmp_path / "part.dxf"
+    for content in (b"", b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nxyz", b"\x00\xff" * 500):
+        path.write_bytes(content)
+        with pytest.raises(UnreadableFile):
+            read_views(path)

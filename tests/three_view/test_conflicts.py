@@ -1,0 +1,72 @@
+"""Drawings with one error: it is found, named, and mending it gives the solid back."""
+
+import numpy as np
+import pytest
+from lattice_solids import PITCH, lattice_drawing
+
+from recon.errors import NoSolid
+from recon.geometry.views import DrawnView, ThreeViews
+from recon.three_view.conflicts import Change, DrawnLine, repaired
+from recon.three_view.pipeline import diagnose, interpret
+
+
+def stepped_block(seed):
+    rng = np.random.default_rng(seed)
+    cubes = np.zeros((3, 3, 3), dtype=bool)
+    for i, j in np.ndindex(3, 3):
+        cubes[i, j, : rng.integers(1, 4)] = True
+    return lattice_drawing(cubes)
+
+
+def changed(drawing, view, segments, hidden):
+    views = [drawn for _, drawn in drawing]
+    views[view] = DrawnView(segments, hidden)
+    return ThreeViews(*views)
+
+
+def has_solid(drawing):
+    try:
+        interpret(drawing)
+    except NoSolid:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_wrong_line_type_is_found_and_named(seed):
+    drawing = stepped_block(seed)
+    tried = 0
+    for view, (_, drawn) in enumerate(drawing):
+        for segment in range(0, drawn.n_segments, 5):
+            hidden = drawn.hidden.copy()
+            hidden[segment] ^= True
+            wrong = changed(drawing, view, drawn.segments, hidden)
+            if has_solid(wrong):
+                continue
+            tried += 1
+            found = diagnose(wrong, limit=50)
+            line = DrawnLine(view, segment)
+            assert line in found.conflict
+            assert line in [repair.line for repair in found.repairs if repair.change is Change.RETYPED]
+    assert tried > 5
+
+
+def test_a_shifted_line_is_moved_back_and_every_repair_mends():
+    drawing = stepped_block(2)
+    segments = drawing.top.segments.copy()
+    row = int(np.flatnonzero((segments[:, :, 0] == PITCH).all(axis=1))[0])
+    segments[row, :, 0] += 0.4
+    wrong = changed(drawing, 1, segments, drawing.top.hidden)
+    found = diagnose(wrong)
+    assert DrawnLine(1, row) in [repair.line for repair in found.repairs]
+    assert all(has_solid(repaired(wrong, repair)) for repair in found.repairs)
+    assert any("should run from" in repair.described(wrong) for repair in found.repairs)
+
+
+def test_a_conflict_is_minimal():
+    drawing = stepped_block(1)
+    hidden = drawing.front.hidden.copy()
+    hidden[0] ^= True
+    found = diagnose(changed(drawing, 0, drawing.front.segments, hidden))
+    assert found.conflict
+    assert diagnose(drawing).conflict == ()
