@@ -94,8 +94,8 @@ def fit_lip_curve(samples: SectionSamples, s: Floats, *, side: float) -> BSpline
             trust = np.clip(1.0 - (away / (4.685 * own)) ** 2, 0.0, None) ** 2
         curve = _weighted_spline(samples.place, samples.weight * trust, s, reach=(at, reach), span=span)
     weight, beyond = samples.weight * trust, (EXTENDED, EXTENDED)
-    reach = at + EXTENDED, reach
-    return _weighted_spline(samples.place, weight, s + EXTENDED, reach=reach, span=span, beyond=beyond)
+    everywhere = at + EXTENDED, reach
+    return _weighted_spline(samples.place, weight, s + EXTENDED, reach=everywhere, span=span, beyond=beyond)
 
 
 def _turning_reach(samples: SectionSamples, s: Floats, limp: float) -> tuple[Floats, Floats]:
@@ -106,7 +106,8 @@ def _turning_reach(samples: SectionSamples, s: Floats, limp: float) -> tuple[Flo
     turned = gaussian_filter1d(turned, 1.0 / step, axis=0, mode="nearest")
     angle = np.unwrap(np.arctan2(turned[:, 1], turned[:, 0]))
     reach = np.clip(TURN * step / np.maximum(np.abs(np.gradient(angle)), 1e-9), limp, STIFF)
-    return step * (np.arange(len(reach)) + 0.5), minimum_filter1d(reach, 2 * round(WINDOW / step) + 1)
+    at: Floats = step * (np.arange(len(reach)) + 0.5)
+    return at, np.asarray(minimum_filter1d(reach, 2 * round(WINDOW / step) + 1))
 
 
 def _local_scale(s: Floats, away: Floats, weight: Floats) -> tuple[Floats, Floats]:
