@@ -106,7 +106,7 @@ def _turning_reach(samples: SectionSamples, s: Floats, limp: float) -> tuple[Flo
     turned = gaussian_filter1d(turned, 1.0 / step, axis=0, mode="nearest")
     angle = np.unwrap(np.arctan2(turned[:, 1], turned[:, 0]))
     reach = np.clip(TURN * step / np.maximum(np.abs(np.gradient(angle)), 1e-9), limp, STIFF)
-    at: Floats = step * (np.arange(len(reach)) + 0.5)
+    at = step * np.arange(0.5, len(reach), dtype=np.float64)
     return at, np.asarray(minimum_filter1d(reach, 2 * round(WINDOW / step) + 1))
 
 
