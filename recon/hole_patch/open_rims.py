@@ -21,6 +21,7 @@ from recon.hole_patch.surroundings import BRIDGE, Axis
 __all__ = ["excursions", "sweep", "winding"]
 
 RIM_SHARE, SHORTEST_RIM = 0.5, 6.0  # of the gap's width, and in edge lengths: rim that the virtual curve is fitted to
+WORN = 4.0  # edge lengths of rim beside the gap that are not believed: the fracture begins before the level is left
 ROUNDS = 4  # of fitting and weighting by nearness
 
 Floats = NDArray[np.float64]
@@ -132,7 +133,8 @@ def _virtual_curve(
     for start, step in ((last, 1), (first, -1)):
         beside = (start + step * np.arange(1, n - len(rows))) % n
         way = np.linalg.norm(np.diff(cycle.points[np.append(start, beside)], axis=0), axis=1).cumsum()
-        beside = beside[(way < max(RIM_SHARE * width, SHORTEST_RIM * spacing)) & rim[beside]]
+        way = way - WORN * spacing
+        beside = beside[(way > 0.0) & (way < max(RIM_SHARE * width, SHORTEST_RIM * spacing)) & rim[beside]]
         sides.append(beside)
     if min(map(len, sides)) < SHORTEST_RIM / 2:
         return None

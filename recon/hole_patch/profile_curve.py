@@ -86,16 +86,16 @@ def fit_lip_curve(samples: SectionSamples, s: Floats, *, side: float) -> BSpline
         scale = np.interp(at, *_local_scale(s, away, samples.weight))
         own = np.interp(s, at, scale)
         # where the normals turn the curve must turn with them, however broad the band is
-        local = np.clip(BREADTHS * scale, limp, np.maximum(stiff, limp))
+        reach = np.clip(BREADTHS * scale, limp, np.maximum(stiff, limp))
         if k < ABSOLUTE_ROUNDS:
             trust = own / np.maximum(away, 0.5 * own)
-            local = np.maximum(local, stiff * (limp / stiff) ** ((k + 1) / ABSOLUTE_ROUNDS))
+            reach = np.maximum(reach, stiff * (limp / stiff) ** ((k + 1) / ABSOLUTE_ROUNDS))
         else:
             trust = np.clip(1.0 - (away / (4.685 * own)) ** 2, 0.0, None) ** 2
-        curve = _weighted_spline(samples.place, samples.weight * trust, s, reach=(at, local), span=span)
+        curve = _weighted_spline(samples.place, samples.weight * trust, s, reach=(at, reach), span=span)
     weight, beyond = samples.weight * trust, (EXTENDED, EXTENDED)
-    reach = at + EXTENDED, local
-    return _weighted_spline(samples.place, weight, s + EXTENDED, reach=reach, span=span, beyond=beyond)
+    everywhere = at + EXTENDED, reach
+    return _weighted_spline(samples.place, weight, s + EXTENDED, reach=everywhere, span=span, beyond=beyond)
 
 
 def _turning_reach(samples: SectionSamples, s: Floats, limp: float) -> tuple[Floats, Floats]:
@@ -106,7 +106,7 @@ def _turning_reach(samples: SectionSamples, s: Floats, limp: float) -> tuple[Flo
     turned = gaussian_filter1d(turned, 1.0 / step, axis=0, mode="nearest")
     angle = np.unwrap(np.arctan2(turned[:, 1], turned[:, 0]))
     reach = np.clip(TURN * step / np.maximum(np.abs(np.gradient(angle)), 1e-9), limp, STIFF)
-    at: Floats = step * (np.arange(len(reach), dtype=np.float64) + 0.5)
+    at = step * np.arange(0.5, len(reach), dtype=np.float64)
     return at, np.asarray(minimum_filter1d(reach, 2 * round(WINDOW / step) + 1))
 
 

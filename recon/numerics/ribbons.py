@@ -35,8 +35,11 @@ def ribbon(a: Floats, b: Floats) -> Ints:
 
 def fold_point(points: Floats) -> int:
     """Number of the point in which evenly spaced points (n, d), folded to a ribbon, are folded."""
-    total, _ = _shortest(points, points[::-1], len(points) - 1)
-    return int(np.argmin(total))
+    n = len(points)
+    # among folds that are as good the first is found from one end, the last from the other
+    first = int(np.argmin(_shortest(points, points[::-1], n - 1)[0]))
+    last = n - 1 - int(np.argmin(_shortest(points[::-1], points, n - 1)[0]))
+    return (first + last) // 2
 
 
 def _shortest(a: Floats, b: Floats, steps: int) -> tuple[Floats, list[NDArray[np.bool_]]]:

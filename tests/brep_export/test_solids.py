@@ -17,17 +17,18 @@ from exact_shapes import (
 from numpy.testing import assert_allclose
 from OCP.BRep import BRep_Tool
 from OCP.TopoDS import TopoDS
+from scipy.interpolate import make_interp_spline
 from thick_pieces import thick_piece
 
 from brep_export.curves import curve_from_kernel
-from brep_export.solids import mesh_solid, network_solid, polyhedron_solid, thick_solid, triangle_solid
+from brep_export.solids import lip_solid, mesh_solid, network_solid, polyhedron_solid, thick_solid, triangle_solid
 from brep_export.surfaces import surface_from_kernel
 from recon.errors import NotManifold, NoWall
-from recon.geometry.bspline import BSplineSurface
+from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.patches import connect
 from recon.geometry.polyhedron import PlanarFace, Polyhedron
-from recon.geometry.trimmed import ThickPiece, TrimmedSurface
+from recon.geometry.trimmed import LipPiece, ThickPiece, TrimLoop, TrimmedSurface
 from recon.tolerance import Tolerance
 
 TOLERANCE = Tolerance()
@@ -215,3 +216,56 @@ def test_a_thick_piece_with_its_sheets_exchanged_is_refused():
     walls = tuple(BSplineSurface(3, 1, w.knots_u, w.knots_v, w.control_net[:, ::-1]) for w in piece.wall)
     with pytest.raises(NotManifold, match="inside out"):
         thick_solid(ThickPiece(piece.inner, piece.outer, walls), TOLERANCE)
+
+
+def flat_rim(n_walls, *, depth=12.0, width=10.0, thickness=3.0):
+    """A hairpin of constant section along x, cut off by upright curved cuts: its volume is known by integration."""
+    s = np.linspace(-depth, depth, 401)
+    half = thickness / 2
+    turn = np.clip(s / half, -np.pi / 2, np.pi / 2)
+    down = np.maximum(np.abs(s) - half * np.pi / 2, 0.0)
+    section = np.stack([half * np.sin(turn), half * np.cos(turn) - down], axis=1)
+    profile = make_interp_spline(s, section, k=3)
+    net = np.stack([np.column_stack([np.full(len(profile.c), x), profile.c]) for x in (-width, width)])
+    surface = BSplineSurface(1, 3, [-width, -width, width, width], profile.t, net)
+    t = np.linspace(0.0, np.pi, 40 * n_walls + 1)
+    chains = [np.stack([-7.0 * np.cos(t), way * 9.0 * np.sin(t)], axis=1) for way in (-1.0, 1.0)]
+    curves, walls = [[], []], []
+    for k in range(n_walls):
+        rows = np.s_[40 * k : 40 * k + 41]
+        rims = []
+        for uv, row in zip(chains, curves):
+            spline = make_interp_spline(t[rows], np.column_stack([uv, surface.point(uv)])[rows], k=3)
+            control = np.array(spline.c)
+            control[0], control[-1] = spline(t[rows][0]), spline(t[rows][-1])
+            row.append(BSplineCurve(3, spline.t, control[:, :2]))
+            rims.append(control[:, 2:])
+        walls.append(BSplineSurface(3, 1, spline.t, [0, 0, 1, 1], np.stack(rims, axis=1)))
+    loop = TrimLoop((*curves[0], *(c.reversed() for c in reversed(curves[1]))))
+    return LipPiece(TrimmedSurface(surface, (loop,)), tuple(walls))
+
+
+@pytest.mark.parametrize("n_walls", [1, 4])
+def test_a_piece_of_a_rim_is_a_sound_solid(n_walls):
+    solid = lip_solid(flat_rim(n_walls), TOLERANCE)
+    assert_sound(solid)
+    assert counts(solid)[:3] == (1, 1, 1 + n_walls)
+
+
+def test_a_piece_of_a_rim_encloses_what_lies_under_its_face():
+    # upright cuts: the area between both chains, seen from the side, times the thickness, the round of the lip apart
+    half, t = 1.5, np.linspace(0.0, np.pi, 20001)
+    s = 9.0 * np.sin(t)
+    turn = np.minimum(s / half, np.pi / 2)
+    area = half**2 * (turn - np.sin(turn) * np.cos(turn)) + 2 * half * np.maximum(s - half * np.pi / 2, 0.0)
+    expected = np.trapezoid(area, -7.0 * np.cos(t))
+    assert_allclose(volume(lip_solid(flat_rim(4), TOLERANCE), 1e-6), expected, rtol=2e-3)
+
+
+def test_a_fracture_that_misses_the_rim_is_refused():
+    piece = flat_rim(4)
+    net = np.array(piece.wall[1].control_net)
+    net[10:13, 0, 1] += 0.5
+    torn = BSplineSurface(3, 1, piece.wall[1].knots_u, piece.wall[1].knots_v, net)
+    with pytest.raises(NoWall, match="wall 1 and the outer edge"):
+        lip_solid(LipPiece(piece.face, (piece.wall[0], torn, *piece.wall[2:])), TOLERANCE)

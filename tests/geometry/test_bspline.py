@@ -76,3 +76,11 @@ def test_arrays_are_copied_and_locked():
     assert_allclose(curve.control_points, 0)
     with pytest.raises(ValueError, match="read-only"):
         curve.control_points[0, 0] = 1
+
+
+def test_a_reversed_curve_runs_through_the_same_points_backward():
+    knots = np.array([1.0, 1, 1, 1, 2.5, 3, 6, 6, 6, 6])
+    curve = BSplineCurve(3, knots, np.random.default_rng(4).random((6, 2)), np.linspace(1, 2, 6))
+    t = np.linspace(1.0, 6.0, 40)
+    assert_allclose(curve.reversed().point(t), curve.point(7.0 - t), atol=1e-14)
+    assert curve.reversed().domain == curve.domain

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from recon.errors import BadGeometry
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
-from recon.geometry.trimmed import ThickPiece, TrimLoop, TrimmedSurface
+from recon.geometry.trimmed import LipPiece, ThickPiece, TrimLoop, TrimmedSurface
 
 PLANE = BSplineSurface(1, 1, [0, 0, 1, 1], [0, 0, 1, 1], [[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]])
 
@@ -48,3 +48,11 @@ def test_a_thick_piece_needs_a_wall_for_every_curve():
 def test_a_space_curve_is_no_pcurve():
     with pytest.raises(BadGeometry, match=r"\(u, v\)"):
         TrimLoop((BSplineCurve(1, [0, 0, 1, 1], np.zeros((2, 3))),))
+
+
+def test_a_piece_of_a_rim_needs_two_curves_a_wall_and_a_fracture_that_ends_in_points():
+    face = TrimmedSurface(PLANE, (SQUARE,))
+    with pytest.raises(BadGeometry, match="one loop of 2 curves"):
+        LipPiece(face, (PLANE,))
+    with pytest.raises(BadGeometry, match="first wall does not end in a point"):
+        LipPiece(face, (PLANE, PLANE))

@@ -30,7 +30,7 @@ def rolled_lip(thickness: float = 2.5, height: float = 40.0, radius: float = 30.
     bend = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     centre = np.array([radius + middle - half, 0.0])
     under, over = centre + (middle - half) * bend, centre + (middle + half) * bend
-    tip = centre + [middle, 0.0] + half * np.stack([-np.cos(turn[::-1]), -np.sin(turn)], axis=1)[::-1]
+    tip = centre + [middle, 0.0] + half * np.stack([-np.cos(turn[::-1]), -np.sin(turn[::-1])], axis=1)
     up = np.stack([np.full(900, radius), np.linspace(-height, 0, 900)], axis=1)
     down = up[::-1] - [thickness, 0.0]
     return np.concatenate([up, under[1:], tip[1:-1], over[::-1], down[1:]])

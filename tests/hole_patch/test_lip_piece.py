@@ -1,11 +1,12 @@
 """A piece of the rim: the profile over the lip, the face, and the fracture inside its edge."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 from rim_vessels import AXIS, plain_lip, rim_wall, rolled_lip
 from scipy.spatial import cKDTree
+from threadpoolctl import threadpool_limits
 
 from recon.errors import NoSurface, NoWall
 from recon.geometry.trimmed import LipPiece
@@ -14,6 +15,13 @@ from recon.hole_patch.profile import wall_profile
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.wheel_sheet import wheel_sheet
 from recon.numerics.polygons import within
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread() -> Iterator[None]:
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
+
 
 LIPS: dict[str, Callable[[], np.ndarray]] = {"plain": plain_lip, "rolled": rolled_lip}
 
@@ -43,15 +51,16 @@ def test_the_profile_turns_back_over_the_lip_and_meets_both_walls(lip: str) -> N
     s = np.linspace(*profile.curve.domain, 3000)
     line = profile.curve.point(s)
     near = line[:, 1] > -30.0  # the ends run straight on
-    assert cKDTree(truth).query(line[near])[0].max() < 0.1
-    assert cKDTree(line).query(truth[truth[:, 1] > -25.0])[0].max() < 0.1
+    allowed = 0.15  # a mesh of 1 mm cuts the corners of bends as sharp as these by 0.1
+    assert cKDTree(truth).query(line[near])[0].max() < allowed
+    assert cKDTree(line).query(truth[truth[:, 1] > -25.0])[0].max() < allowed
 
 
 def test_the_tip_parts_the_profile_where_the_walls_meet() -> None:
     truth = rolled_lip()
     profile = wall_profile(rim_wall(truth), AXIS)
     tip = profile.curve.point(np.array([profile.tip()]))[0]
-    assert tip[0] > 33.0  # at the end of the roll, not on its highest point
+    assert tip[0] > 33.0 and tip[1] < 0.0  # at the end of the roll, not on its highest point
 
 
 def test_the_face_lies_on_the_turned_lip(lip: str, sheet: Sheet) -> None:
