@@ -22,8 +22,8 @@ __all__ = ["FreeChoice", "Labelings", "consistent_labelings"]
 
 Flags = NDArray[np.bool_]
 SOLVER = "cadical195"
-EFFORT = 2_000_000  # literals of listed options, beyond which a choice is called incomplete
-LEAST = 1_000
+EFFORT = 400_000  # literals of listed options, beyond which a choice is called incomplete
+LEAST = 200
 
 
 @dataclass(frozen=True)

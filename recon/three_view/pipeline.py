@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from recon.errors import BadOption, NoSolid
 from recon.geometry.polyhedron import Polyhedron
 from recon.geometry.views import ThreeViews
-from recon.three_view.assembly import assemble
+from recon.three_view.assembly import assemble, plausibility
 from recon.three_view.cells import Cells, space_cells
 from recon.three_view.conditions import Conditions, conditions
 from recon.three_view.conflicts import Change, DrawnLine, Repair, minimal_conflict, moved_lines, repaired, retyped_lines
@@ -37,7 +37,7 @@ __all__ = ["Diagnosis", "Interpretation", "ViewsOptions", "all_polyhedra", "diag
 Flags = NDArray[np.bool_]
 
 MOVES = 40  # shifts of a line that are tried
-RANKED = 64  # options of one choice, and solids, up to which all are looked at to tell which is most plausible
+RANKED = 200  # options of one choice, and solids, that are compared to tell which is most plausible
 
 
 @dataclass(frozen=True)
@@ -188,12 +188,9 @@ def _ranked(arranged: Arrangement, labelings: Labelings) -> Labelings:
     for k, choice in enumerate(choices):
         if len(choice.options) > 1:
             options = choice.options
-            if len(options) <= RANKED:
-                cost = [_cost(arranged, _with_option(labelings, choices, k, option)) for option in options]
-            else:
-                cost = [(_walls(arranged, _with_option(labelings, choices, k, option)),) for option in options]
-            order = sorted(range(len(options)), key=lambda i: cost[i])
-            choices[k] = replace(choice, options=tuple(options[i] for i in order))
+            cost = [_cost(arranged, _with_option(labelings, choices, k, option)) for option in options[:RANKED]]
+            order = sorted(range(len(cost)), key=lambda i: cost[i])
+            choices[k] = replace(choice, options=(*(options[i] for i in order), *options[RANKED:]))
     ranked = replace(labelings, choices=tuple(choices))
     if len(choices) > 1 and 1 < labelings.count <= RANKED:
         return _ranked_together(arranged, ranked)
@@ -214,14 +211,5 @@ def _with_option(labelings: Labelings, choices: list[FreeChoice], k: int, option
     return solid
 
 
-def _walls(arranged: Arrangement, solid: Flags) -> int:
-    front, back = solid[arranged.cells.of_side].T
-    return int((front != back).sum())
-
-
-def _cost(arranged: Arrangement, solid: Flags) -> tuple[int, ...]:
-    """Fewer bodies, voids, faces and edges make a solid more plausible, in that order."""
-    made = assemble(arranged.fragments, arranged.cells, solid)
-    voids = sum(len(body) - 1 for body in made.bodies)
-    sides = sum(len(loop) for face in made.faces for loop in face.loops)
-    return len(made.bodies), voids, len(made.faces), sides // 2
+def _cost(arranged: Arrangement, solid: Flags) -> tuple[int, int, int, int]:
+    return plausibility(arranged.fragments, arranged.cells, solid)

@@ -1,0 +1,70 @@
+"""Three views to solids: how fast, and how many.
+
+python benchmarks/three_view.py
+
+Drawings: plates with pockets and bosses, drawn by the package's own hidden line removal, and the real ones where they
+lie beside the checkout. Seconds to all solids that are listed, after the compiled loops were warmed up.
+"""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from recon.errors import ReconError
+from recon.geometry.mesh import TriangleMesh
+from recon.geometry.polyhedron import Polyhedron, merge_coplanar
+from recon.geometry.views import ThreeViews
+from recon.readers.views import read_views
+from recon.three_view.hidden_lines import draw
+from recon.three_view.pipeline import interpret
+
+DRAWINGS = Path(__file__).parents[2] / "shared" / "data" / "views" / "drawings"
+
+
+def plate(n: int, seed: int) -> Polyhedron:
+    """A plate with n x n square pockets and bosses of mixed depth."""
+    import manifold3d
+
+    rng = np.random.default_rng(seed)
+    body = manifold3d.Manifold.cube([20.0 * n, 20.0 * n, 30.0])
+    for i, j in np.ndindex(n, n):
+        depth = 5.0 * rng.integers(1, 5)
+        block = manifold3d.Manifold.cube([10.0, 10.0, depth]).translate([20.0 * i + 5, 20.0 * j + 5, 0.0])
+        body = (
+            body + block.translate([0, 0, 30.0]) if rng.random() < 0.5 else body - block.translate([0, 0, 30 - depth])
+        )
+    mesh = body.to_mesh64()
+    triangles = TriangleMesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts), "plate")
+    return merge_coplanar(triangles, 1e-6)
+
+
+def cases() -> Iterator[tuple[str, ThreeViews]]:
+    for n in (1, 2, 4, 8, 13, 22):
+        solid = plate(n, n)
+        yield f"plate of {len(solid.faces)} faces", draw(solid)
+    for path in sorted(DRAWINGS.glob("*.dxf")):
+        yield path.stem, read_views(path).drawing
+
+
+def main() -> None:
+    print(f"{'drawing':24}{'lines':>7}{'fragments':>11}{'cells':>7}{'solids':>9}{'faces':>7}{'s':>8}")
+    for name, drawing in cases():
+        start = time.perf_counter()
+        try:
+            found = interpret(drawing)
+        except ReconError as refusal:
+            print(f"{name:24} refused: {refusal}")
+            continue
+        solid = found.polyhedron(0)
+        spent = time.perf_counter() - start
+        made = found.arrangement
+        lines = sum(view.n_segments for _, view in drawing)
+        count = f"{found.count}{'' if found.complete else '+'}"
+        sizes = f"{lines:7}{len(made.fragments.plane):11}{made.cells.n_cells:7}{count:>9}{len(solid.faces):7}"
+        print(f"{name:24}{sizes}{spent:8.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
