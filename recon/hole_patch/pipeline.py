@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadOption
+from recon.errors import BadOption, NoSurface
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import ThickPiece, TrimmedSurface
 from recon.hole_patch.box_route import box_sheet
@@ -34,6 +34,9 @@ from recon.hole_patch.wheel_sheet import wheel_sheet
 __all__ = ["MissingPiece", "PatchMethod", "PatchOptions", "Relief", "patch_hole"]
 
 Floats = NDArray[np.float64]
+
+LEAST_SUPPORT = 0.7  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, broken cups 1
+WORTH_A_WORD = 0.25  # mm, more than a thrown wall is out of round by itself
 
 
 class PatchMethod(StrEnum):
@@ -160,8 +163,19 @@ def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Calla
 
 
 def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tuple[str, ...]]:
-    if options.method is PatchMethod.WHEEL and around.axis is None:
-        return PatchMethod.BOX, ("the vessel is not round, so no wheel tells what the hole held: the box is used.",)
+    axis = around.axis
+    if axis is None or options.method is PatchMethod.BOX:
+        reason = "the vessel is not round, so no wheel tells what the hole held: the box is used."
+        return PatchMethod.BOX, () if options.method is PatchMethod.BOX else (reason,)
+    if axis.support < LEAST_SUPPORT:
+        raise NoSurface(
+            f"The wall keeps to the wheel over {axis.support:.0%} of the turn only ({LEAST_SUPPORT:.0%} needed), and"
+            f" stands off by {axis.quality:.2f} mm (root mean square): the vessel is not round, or too much of it is"
+            " missing. The box method needs no wheel (--method box, with --hole or --picks), but knows less."
+        )
+    if axis.quality > WORTH_A_WORD:
+        note = f"the wall stands off from the wheel by {axis.quality:.2f} mm (root mean square); so may the piece."
+        return options.method, (note,)
     return options.method, ()
 
 
