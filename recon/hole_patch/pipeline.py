@@ -35,7 +35,7 @@ __all__ = ["MissingPiece", "PatchMethod", "PatchOptions", "Relief", "patch_hole"
 
 Floats = NDArray[np.float64]
 
-LEAST_SUPPORT = 0.7  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, broken cups 1
+LEAST_SUPPORT = 0.75  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, round ones 0.9 to 1
 WORTH_A_WORD = 0.25  # mm, more than a thrown wall is out of round by itself
 
 

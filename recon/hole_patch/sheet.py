@@ -25,6 +25,8 @@ class Sheet:
     sides          number of sides on which the wall surrounds the hole: 4, or 3 where it runs out into a rim
     box_angle_deg  angle by which the box was turned, or None where there was no box
     base           the patch before it was fitted, or None
+    sound          (m,) which points of the hole's edge the face was drawn to, neither bridges nor chips; None where it
+                   was not drawn to the edge
     notes          sentences for the report about anything that was done differently than asked
     """
 
@@ -34,6 +36,7 @@ class Sheet:
     sides: int
     box_angle_deg: float | None = None
     base: BSplineSurface | None = None
+    sound: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:

@@ -112,7 +112,7 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     uv = foot_points(surface, wall.edge.points, edge[:, :2])
     off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
     trimmed = TrimmedSurface(surface, (parameter_loop(surface, uv, n_curves=n_curves),))
-    return Sheet(trimmed, off[sound], len(ring.distance), 4, base=base, notes=_notes(measured, sound))
+    return Sheet(trimmed, off[sound], len(ring.distance), 4, base=base, sound=sound, notes=_notes(measured, sound))
 
 
 def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
