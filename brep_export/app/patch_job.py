@@ -186,7 +186,12 @@ def _figures(piece: MissingPiece, thickness: Thickness | None) -> dict[str, Any]
         "method": str(piece.method),
         "axis": None
         if axis is None
-        else {"point": axis.point.tolist(), "direction": axis.direction.tolist(), "quality": axis.quality},
+        else {
+            "point": axis.point.tolist(),
+            "direction": axis.direction.tolist(),
+            "quality": axis.quality,
+            "support": axis.support,
+        },
         "settled": None
         if settling is None
         else [{"shift_mm": m.shift_mm, "turn_deg": m.turn_deg, "bounded": m.bounded} for m in settling.moves],

@@ -9,15 +9,22 @@ fracture faces and handles, whose normals miss the axis, are weighed down round 
      n \\ | / n       a, b   direction and moment of the axis
         \\|/          p, n   point of the surface and its normal
       ---+---
+
+How well the line serves is said by the wall itself. Turned into one half plane it is a curve, if it was thrown; each
+piece of wall, a sector wide and long enough for relief to cancel, stands off from that curve by some distance.
+
 Paper  [pottmann1999] for the line complex, [holland1977] for the weights.
 """
+
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.hole_patch.surroundings import Axis
 
-__all__ = ["coverage", "wheel_axis"]
+__all__ = ["coverage", "departure", "wheel_axis"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -25,6 +32,10 @@ Ints = NDArray[np.int64]
 ENOUGH_FACES = 50
 SECTORS = 24
 ROUNDS = 30
+TALL = 0.1  # of the greatest radius, height of a ring: relief of a few millimetres cancels, slopes hardly bend
+ACROSS = 0.55  # greatest |n_θ| of a wall; fractures and the sides of handles have more
+FEW_SECTORS = 8  # of 24; a ring of fewer is an arc, about which a wrong axis says as much as the right one
+KEPT_TO = 0.02  # of the radius: what a hand that lifts the wet pot leaves; a squashed one is off by more
 
 
 def wheel_axis(points: Floats, normals: Floats, weights: Floats) -> Axis | None:
@@ -33,7 +44,8 @@ def wheel_axis(points: Floats, normals: Floats, weights: Floats) -> Axis | None:
     points, normals  (F, 3) of wall and perhaps other faces; weights (F,) areas
     Promises  direction from base to mouth: the parts nearest to the axis, the base, lie below the middle.
               Round means: at least 0.6 of the area recurs, at its radius, height and slope, in at least half of the
-              sectors in which there is any surface (`coverage`). Broken cups reach 0.77 to 1, a bunny 0.25.
+              sectors in which there is any surface (`coverage`). Broken cups reach 0.77 to 1, a bunny 0.25. How
+              well the wall keeps to the wheel is said by quality and support of the axis (`departure`).
     Paper     [pottmann1999].
     """
     if len(points) < ENOUGH_FACES or not weights.sum() > 0.0:
@@ -44,6 +56,7 @@ def wheel_axis(points: Floats, normals: Floats, weights: Floats) -> Axis | None:
     if found is None:
         return None
     axis = _base_down(*found, p, w)
+    axis = replace(axis, **departure(axis, p, n, w)._asdict())
     grain = float(np.sqrt(weights.sum() / len(weights)))
     return axis if _is_round(axis, p, n, w, grain) else None
 
@@ -56,8 +69,8 @@ def _thinned(weights: Floats, count: int) -> Ints:
     return np.unique(np.searchsorted(total, (np.arange(count) + 0.5) / count * total[-1]))
 
 
-def _best_line(p: Floats, n: Floats, w: Floats) -> tuple[Floats, Floats, float] | None:
-    """Point, direction and root mean square miss: the best of the robust fits from three crosswise starts."""
+def _best_line(p: Floats, n: Floats, w: Floats) -> tuple[Floats, Floats] | None:
+    """Point and direction: the best of the robust fits from three crosswise starts."""
     centre = np.average(p, axis=0, weights=w)
     size = float(np.sqrt(np.average(((p - centre) ** 2).sum(axis=1), weights=w)))
     if not size > 0.0:
@@ -67,11 +80,7 @@ def _best_line(p: Floats, n: Floats, w: Floats) -> tuple[Floats, Floats, float] 
     cost = [np.average(np.minimum(np.abs(rows @ x) / 0.05, 1.0), weights=w) for x in fits]
     x = fits[int(np.argmin(cost))]
     a, b = x[:3], x[3:]
-    miss = np.abs(rows @ x)
-    wall = miss < 3.0 * _weighted_median(miss, w) + 1e-12
-    across = np.linalg.norm(np.cross(n[wall], a), axis=1)
-    square = np.average((miss[wall] / np.maximum(across, 0.2)) ** 2, weights=w[wall])
-    return centre + size * np.cross(a, b), a, size * float(np.sqrt(square))
+    return centre + size * np.cross(a, b), a
 
 
 def _robust_complex(rows: Floats, w: Floats, start: int) -> Floats:
@@ -95,15 +104,9 @@ def _least_complex(rows: Floats, w: Floats, which: int, near: Floats | None = No
     return np.concatenate([a, b - a * (a @ b)])
 
 
-def _weighted_median(values: Floats, w: Floats) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(w[order])
-    return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
-
-
-def _base_down(point: Floats, direction: Floats, quality: float, p: Floats, w: Floats) -> Axis:
+def _base_down(point: Floats, direction: Floats, p: Floats, w: Floats) -> Axis:
     """Turn the axis so that what lies nearest to it, the base, is below the middle of the vessel."""
-    axis = Axis(point, direction, quality)
+    axis = Axis(point, direction, 0.0)
     _, radius, height = axis.cylindrical(p).T
     inner = radius < 0.25 * np.quantile(radius, 0.98)
     if w[inner].sum() < 0.005 * w.sum():  # no base among the sherds: the narrow end stands for it
@@ -112,7 +115,72 @@ def _base_down(point: Floats, direction: Floats, quality: float, p: Floats, w: F
     base_below = np.average(height[inner], weights=w[inner]) < middle
     direction = axis.direction if base_below else -axis.direction
     origin = axis.point + axis.direction * float(np.average(height, weights=w))
-    return Axis(origin, direction, quality)
+    return Axis(origin, direction, 0.0)
+
+
+class Departure(NamedTuple):
+    """Of a wall from a turned one: root mean square distance, and share of the turn in which the wall keeps to it."""
+
+    quality: float
+    support: float
+
+
+def departure(axis: Axis, points: Floats, normals: Floats, weights: Floats) -> Departure:
+    """How far a wall stands off from a wall that is turned about the axis.
+
+    points, normals  (F, 3) of wall and perhaps other faces; weights (F,) areas
+    Promises  relief counts little: distances are means over 15° of rings a tenth of the radius tall. What is far from
+              the wheel (a handle, a spout) does not count in `quality`, but lessens `support`.
+    """
+    away, weight, sector = _stand_offs(axis, points, normals, weights)
+    if not weight.sum() > 0.0:
+        return Departure(float("inf"), 0.0)
+    near = away <= 4.0 * _weighted_median(away, weight) + 1e-12
+    quality = float(np.sqrt(np.average(away[near] ** 2, weights=weight[near])))
+    allowed = KEPT_TO * float(np.quantile(axis.cylindrical(points)[:, 1], 0.95))
+    kept = [_weighted_median(away[sector == k], weight[sector == k]) <= allowed for k in np.unique(sector)]
+    return Departure(quality, sum(kept) / SECTORS)
+
+
+def _stand_offs(axis: Axis, points: Floats, normals: Floats, weights: Floats) -> tuple[Floats, Floats, Ints]:
+    """Of every piece of wall, a ring tall and a sector wide: distance from the turned wall, area and sector."""
+    ring, sector, offset = _rings(axis, points, normals)
+    used = ring >= 0
+    piece, cell = np.unique(ring[used] * SECTORS + sector[used], return_inverse=True)
+    weight: Floats = np.bincount(cell, weights[used]).astype(np.float64)
+    mean = np.bincount(cell, weights[used] * offset[used]) / np.maximum(weight, 1e-300)
+    row = np.unique(piece // SECTORS, return_inverse=True)[1]
+    middle = np.array([_weighted_median(mean[row == k], weight[row == k]) for k in range(int(row.max(initial=-1)) + 1)])
+    telling = np.bincount(row)[row] >= FEW_SECTORS
+    return np.abs(mean - middle[row])[telling], weight[telling], np.asarray(piece % SECTORS, dtype=np.int64)[telling]
+
+
+def _rings(axis: Axis, points: Floats, normals: Floats) -> tuple[Ints, Ints, Floats]:
+    """(F,) number of the ring of each face, -1 where it is no wall, its sector, and its distance along the slope.
+
+    A ring is a strip of height on steep wall, of radius on level wall, outside and inside apart; the distance is that
+    of the face's plane from the middle of the strip.
+    """
+    angle, radius, height = axis.cylindrical(points).T
+    out = points - axis.point - height[:, None] * axis.direction
+    n_r, n_z = (normals * out).sum(axis=1) / np.maximum(radius, 1e-12), normals @ axis.direction
+    tall = TALL * float(np.quantile(radius, 0.95))
+    steep = np.abs(n_r) >= np.abs(n_z)
+    along, off = np.where(steep, height, radius), np.where(steep, radius, height)
+    n_along, n_off = np.where(steep, n_z, n_r), np.where(steep, n_r, n_z)
+    strip = np.floor((along - along.min()) / tall)
+    # the plane through the face, read off at the middle of its strip
+    offset = off + n_along / np.where(n_off == 0.0, 1.0, n_off) * (along - along.min() - (strip + 0.5) * tall)
+    side = 2 * steep + (n_off > 0.0)
+    wall = n_r**2 + n_z**2 > 1.0 - ACROSS**2
+    sector = np.floor((angle / (2.0 * np.pi) + 0.5) * SECTORS).astype(np.int64) % SECTORS
+    return np.where(wall, strip.astype(np.int64) * 4 + side, -1), sector, offset
+
+
+def _weighted_median(values: Floats, w: Floats) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(w[order])
+    return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
 
 
 def coverage(axis: Axis, points: Floats, normals: Floats, *, step: float, among: NDArray[np.bool_]) -> Ints:

@@ -38,6 +38,9 @@ __all__ = ["MissingPiece", "PatchMethod", "PatchOptions", "Relief", "WallThickne
 
 Floats = NDArray[np.float64]
 
+LEAST_SUPPORT = 0.75  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, round ones 0.9 to 1
+WORTH_A_WORD = 0.25  # mm, more than a thrown wall is out of round by itself
+
 
 class PatchMethod(StrEnum):
     """How the surface over the hole is found."""
@@ -161,7 +164,9 @@ def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Calla
     inner, told = _inner_sheet(around, outer, method, options)
     notes += told
     relief = None
-    if options.relief is Relief.CONTINUE and around.axis is not None:
+    if options.relief is Relief.CONTINUE and around.outer.over_lip:
+        notes += ("relief is not continued over a lip; the piece is smooth.",)
+    elif options.relief is Relief.CONTINUE and around.axis is not None:
         doing("continuing the relief")
         relief = continue_relief(outer, around.outer, around.axis)
         outer, notes = relief.sheet, (*notes, *relief.sheet.notes)
@@ -176,8 +181,19 @@ def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Calla
 
 
 def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tuple[str, ...]]:
-    if options.method is PatchMethod.WHEEL and around.axis is None:
-        return PatchMethod.BOX, ("the vessel is not round, so no wheel tells what the hole held: the box is used.",)
+    axis = around.axis
+    if axis is None or options.method is PatchMethod.BOX:
+        reason = "the vessel is not round, so no wheel tells what the hole held: the box is used."
+        return PatchMethod.BOX, () if options.method is PatchMethod.BOX else (reason,)
+    if axis.support < LEAST_SUPPORT:
+        raise NoSurface(
+            f"The wall keeps to the wheel over {axis.support:.0%} of the turn only ({LEAST_SUPPORT:.0%} needed), and"
+            f" stands off by {axis.quality:.2f} mm (root mean square): the vessel is not round, or too much of it is"
+            " missing. The box method needs no wheel (--method box, with --hole or --picks), but knows less."
+        )
+    if axis.quality > WORTH_A_WORD:
+        note = f"the wall stands off from the wheel by {axis.quality:.2f} mm (root mean square); so may the piece."
+        return options.method, (note,)
     return options.method, ()
 
 

@@ -176,20 +176,24 @@ def _with_relief(sheet: Sheet, wall: Wall, chart: RolledChart, relief: ReliefMap
     face = _Face.over(smooth, span=float(np.clip(wavelength / SPANS_A_WAVE, *SPANS)))
     at = relief.index(chart.flat(face.points)[:, :2])
     raised = ndimage.map_coordinates(relief.height, at.T, order=3, mode="constant")
-    surface, uv, sound = _drawn_to_edge(face, raised, wall, foot_points(smooth, wall.edge.points))
+    sound = wall.edge.sherds >= 0 if sheet.sound is None else sheet.sound
+    surface, uv, sound = _drawn_to_edge(face, raised, wall, foot_points(smooth, wall.edge.points), sound)
     off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
     loop = parameter_loop(surface, uv, n_curves=len(sheet.trimmed.loops[0].pcurves))
     return replace(sheet, trimmed=TrimmedSurface(surface, (loop,)), edge_distance=off[sound])
 
 
-def _drawn_to_edge(face: "_Face", height: Floats, wall: Wall, uv: Floats) -> tuple[BSplineSurface, Floats, Bools]:
+def _drawn_to_edge(
+    face: "_Face", height: Floats, wall: Wall, uv: Floats, sound: Bools
+) -> tuple[BSplineSurface, Floats, Bools]:
     """The face at heights (n,) when it has given way to the edge, (m, 2) the edge on it, (m,) where it is no chip.
+
+    uv, sound  (m, 2) foot points to start from, (m,) where the smooth face found no chip
 
     A spline cannot follow every turn of the edge at once: what it missed is added again, a few times over.
     """
     points, surface = wall.edge.points, face.surface(height)
     uv, left = _missed(surface, points, uv)
-    sound = wall.edge.sherds >= 0
     sound = sound & (np.abs(left - _running_median(left)) <= max(CHIPPED, 6.0 * _spread(left[sound])))
     for _ in range(MEETINGS):
         height = height + _kriged(points[sound], left[sound], face.points)

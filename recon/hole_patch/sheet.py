@@ -27,6 +27,8 @@ class Sheet:
     box_angle_deg  angle by which the box was turned, or None where there was no box
     base           the patch before it was fitted, or None
     lip            v of the lip's tip where the sheet runs over it from the outer wall to the inner one, else None
+    sound          (m,) which points of the hole's edge the face was drawn to, neither bridges nor chips; None where it
+                   was not drawn to the edge
     notes          sentences for the report about anything that was done differently than asked
     """
 
@@ -38,6 +40,7 @@ class Sheet:
     base: BSplineSurface | None = None
     rejected: float = 0.0
     lip: float | None = None
+    sound: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:

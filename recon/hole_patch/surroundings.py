@@ -37,12 +37,15 @@ class Axis:
 
     point      (3,) on the axis, in millimetres
     direction  (3,) unit vector from base to mouth
-    quality    root mean square distance, in millimetres, by which wall normals miss the axis; 0 is a perfect wheel
+    quality    root mean square distance, in millimetres, of the wall without its relief from a wall that is turned
+               about the axis; 0 is a perfect wheel
+    support    share of the turn in which there is wall, and the wall keeps to the turned one
     """
 
     point: NDArray[np.float64]
     direction: NDArray[np.float64]
     quality: float
+    support: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", frozen_floats(self.point, (3,), "axis: point"))

@@ -123,8 +123,17 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     lip = chart.tip() if wall.over_lip else None
     sides = 3 if wall.over_lip else 4
     rejected = float((measured & ~sound).sum() / measured.sum())
-    notes = _notes(measured, sound)
-    return Sheet(trimmed, off[sound], len(ring.distance), sides, base=base, rejected=rejected, lip=lip, notes=notes)
+    return Sheet(
+        trimmed,
+        off[sound],
+        len(ring.distance),
+        sides,
+        base=base,
+        rejected=rejected,
+        lip=lip,
+        sound=sound,
+        notes=_notes(measured, sound),
+    )
 
 
 def _with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:

@@ -126,6 +126,22 @@ def test_a_broken_vessel_gets_its_cords_back() -> None:
     assert after.mean() < 0.6 * before.mean()
     assert relief.sheet.edge_distance.mean() <= smooth.edge_distance.mean()
     assert np.quantile(relief.sheet.edge_distance, 0.95) < 0.1
+    assert relief.sheet.edge_distance.max() <= smooth.edge_distance.max() + 0.1
+
+
+def test_chips_that_did_not_draw_the_smooth_face_do_not_draw_the_relief(
+    pressed: tuple[Wall, Sheet, ReliefSheet],
+) -> None:
+    wall, _, _ = pressed
+    points = wall.edge.points.copy()
+    inward = AXIS.cylindrical(points[40:43]) - [0.0, 0.9, 0.0]
+    points[40:43] = AXIS.cartesian(inward)
+    chipped = replace(wall, edge=HoleEdge(points, wall.edge.sherds))
+    smooth = wheel_sheet(chipped, AXIS)
+    assert smooth.sound is not None and not smooth.sound[40:43].any()
+    relief = continue_relief(smooth, chipped, AXIS)
+    assert len(relief.sheet.edge_distance) <= smooth.sound.sum()
+    assert relief.sheet.edge_distance.max() < 0.15
 
 
 def texture(rng: np.random.Generator, shape: tuple[int, int]) -> Floats:
