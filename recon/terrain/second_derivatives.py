@@ -5,7 +5,8 @@ Along a contour with tangent T, left normal N, curvature k and slope m (gradient
     T . H T = -m k          z is constant along the contour
     N . H T = m'            the slope's change along the contour
     N . H N                 by least squares from the tiling edges, as are all three at a free vertex:
-                            d . H d = 6 D - 4 a - 2 b,  w . H d = w . (g_B - g_A),  the longer the edge the more it counts
+                            d . H d = 6 D - 4 a - 2 b,  w . H d = w . (g_B - g_A),
+                            the longer the edge the more it counts
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ __all__ = ["VertexJets", "vertex_jets", "contour_frames"]
 
 Floats = NDArray[np.float64]
 
+MOST_BEND = 4.0  # of the rise or slope of any edge at a vertex: the most that its second derivative along it may be
 CHANGE = (
     2.0  # of the smaller slope over the longer neighbouring segment: the most that m' may be, so that m stays positive
 )
@@ -110,7 +112,13 @@ def _solved(tiling: Tiling, slopes: VertexSlopes, frames: tuple[Floats, Floats],
     out = known.copy()
     out[:c, 2] = vector[:c, 2] / np.maximum(matrix[:c, 2, 2], 1e-12)
     trace = np.einsum("eii->e", matrix[c:])
-    out[c:] = np.linalg.solve(
-        matrix[c:] + np.maximum(1e-6 * trace, 1e-12)[:, None, None] * np.eye(3), vector[c:, :, None]
-    )[..., 0]
+    steady = matrix[c:] + np.maximum(1e-3 * trace, 1e-12)[:, None, None] * np.eye(3)
+    out[c:] = np.linalg.solve(steady, vector[c:, :, None])[..., 0]
+    bend = np.abs(np.einsum("eki,ei->ek", rows, out[near])).max(axis=1) * length**2
+    allowed = MOST_BEND * np.maximum(np.maximum(np.abs(a), np.abs(b)), np.abs(rise))
+    factor = np.ones(n)
+    np.minimum.at(factor, near, allowed / np.maximum(bend, 1e-300))
+    factor = np.minimum(factor, 1.0)
+    out[:c, 2] *= factor[:c]
+    out[c:] *= factor[c:, None]
     return out

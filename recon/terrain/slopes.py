@@ -68,7 +68,17 @@ def vertex_slopes(tiling: Tiling, normals: Floats, limits: Levels) -> VertexSlop
     right = -matrix.T @ (rows @ offset)
     x = _bounded(sparse.csr_array(matrix.T @ matrix), right, *_bounds(tiling, normals, limits))
     jets = (prolong @ x + offset).reshape(-1, 3)
-    return VertexSlopes(jets[:, 0], jets[:, 1:])
+    return VertexSlopes(jets[:, 0], _tamed(tiling, jets[:, 0], jets[:, 1:]))
+
+
+def _tamed(tiling: Tiling, height: Floats, gradient: Floats) -> Floats:
+    """(V, 2) gradients no steeper than STEEPEST times the steepest edge at the vertex: a jet on its own means nothing."""
+    i, j = tiling.edges.T
+    mean = np.abs(height[j] - height[i]) / np.linalg.norm(tiling.points[j] - tiling.points[i], axis=1)
+    most = np.zeros(len(height))
+    np.maximum.at(most, tiling.edges.ravel(), np.repeat(STEEPEST * mean, 2))
+    size = np.maximum(np.linalg.norm(gradient, axis=1), 1e-300)
+    return gradient * np.minimum(most / size, 1.0)[:, None]
 
 
 def _unknowns(tiling: Tiling, normals: Floats) -> tuple[sparse.csr_array, Floats]:

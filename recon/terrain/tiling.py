@@ -125,7 +125,7 @@ def _border_points(vertices: Floats, extent: Floats, free: Floats, step: float) 
 
 
 def _triangulated(curves: ContourCurves, free: Floats, extent: Floats) -> tuple[Tiling | None, NDArray[np.bool_]]:
-    """The triangulation, or None where curves cross, and which segments it does not hold because their chords meet something else."""
+    """The triangulation, or None where curves cross; and which segments it lacks, since their chords meet another."""
     points = np.vstack([curves.vertices(), free])
     chords = np.column_stack([curves.start, curves.end])
     rim = _rim(points, extent)
