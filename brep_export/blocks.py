@@ -1,13 +1,14 @@
 """A patch network over a plan region, closed to a block: vertical walls down from its free border, and a flat base.
 
-          ______
-         / net  \\_____         each stretch of the border that is straight in plan gets one planar wall:
-        |              |           top     the border edges of the network, shared with its patches
-        |  wall        |  wall     sides   vertical edges, shared with the walls beside
-        '--------------'           bottom  one straight edge, shared with the base
-             base
+  ______
+ / net  \\_____         each stretch of the border that is straight in plan gets one planar wall:
+|              |           top     the border edges of the network, shared with its patches
+|  wall        |  wall     sides   vertical edges, shared with the walls beside
+'--------------'           bottom  one straight edge, shared with the base
+     base
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +46,9 @@ def block_solid(network: PatchNetwork, level: float, tolerance: Tolerance) -> To
     """
     lowest = min(float(patch.control_net[..., 2].min()) for patch in network.patches)
     if lowest <= level:
-        raise NotManifold("block", f"the base at {level:.6g} does not lie below the network, which reaches {lowest:.6g}")
+        raise NotManifold(
+            "block", f"the base at {level:.6g} does not lie below the network, which reaches {lowest:.6g}"
+        )
     made = network_faces(network, tolerance)
     loops = _border_loops(network)
     if not loops:
@@ -109,7 +112,7 @@ def _stretches(network: PatchNetwork, loop: list[_Step]) -> list[list[_Step]]:
     first = int(np.argmax(turn))
     starts = [*((np.flatnonzero(np.roll(turn, -first))).tolist()), len(loop)]
     ordered = loop[first:] + loop[:first]
-    return [ordered[a:b] for a, b in zip(starts, starts[1:])]
+    return [ordered[a:b] for a, b in pairwise(starts)]
 
 
 def _area(corners: Floats) -> float:
@@ -138,4 +141,6 @@ def _wall(
     outward = gp_Dir(float(way[1]), -float(way[0]), 0.0)
     plane = Geom_Plane(gp_Ax3(gp_Pnt(x, y, z), outward))
     top = [turned(network.edges[step.edge], step.forward) for step in reversed(stretch)]
-    return make_face(plane, [make_wire([turned(bottom, False), turned(far_post, False), *top, turned(near_post, True)])])
+    return make_face(
+        plane, [make_wire([turned(bottom, False), turned(far_post, False), *top, turned(near_post, True)])]
+    )

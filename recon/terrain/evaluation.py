@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from recon.geometry.contour_map import ContourMap
 from recon.numerics.bernstein import bernstein, bernstein_derivative
 from recon.terrain.merging import plan_sides
 from recon.terrain.pipeline import Terrain
 
-__all__ = ["elevations", "sampled_triangles"]
+__all__ = ["contour_distances", "elevations", "sampled_triangles"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -109,3 +110,30 @@ def sampled_triangles(terrain: Terrain, steps: int = 4) -> tuple[Floats, Ints]:
     faces = (np.arange(terrain.n_patches)[:, None, None] * (steps + 1) ** 2 + cell).reshape(-1, 3)
     flat = points.reshape(-1, 3) + np.r_[terrain.origin, 0.0]
     return flat, faces
+
+
+def contour_distances(terrain: Terrain, contours: ContourMap) -> Floats:
+    """(m,) distances in plan from the given contour points to the ground's own curve of their height.
+
+    The ground holds every contour's curve exactly, as the border of patches; ground between contours is not looked at.
+    """
+    curves = terrain.tiling.curves
+    points = np.einsum("tk,mkd->mtd", bernstein(3, np.linspace(0, 1, 9)), curves.bezier) + terrain.origin
+    level = curves.heights[curves.contour]
+    out = []
+    for height in np.unique(contours.heights):
+        given = np.concatenate([line for line, z in zip(contours.lines, contours.heights) if z == height])
+        out.append(_to_polylines(given, points[level == height]))
+    return np.concatenate(out)
+
+
+def _to_polylines(places: Floats, rows: Floats) -> Floats:
+    """(m,) distances to the nearest of many short polylines (n, k, 2), by their nearest legs."""
+    start, end = rows[:, :-1].reshape(-1, 2), rows[:, 1:].reshape(-1, 2)
+    _, near = cKDTree((start + end) / 2).query(places, k=min(8, len(start)))
+    near = near.reshape(len(places), -1)
+    way = end[near] - start[near]
+    square = np.maximum(np.einsum("nkd,nkd->nk", way, way), 1e-300)
+    off = places[:, None] - start[near]
+    share = np.clip(np.einsum("nkd,nkd->nk", off, way) / square, 0.0, 1.0)
+    return np.linalg.norm(off - share[..., None] * way, axis=2).min(axis=1)

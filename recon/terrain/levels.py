@@ -26,7 +26,7 @@ class Levels:
     strip       (F,) strip of every triangle
     low, high   (S,) heights between which every strip should lie
     ended       (S,) whether the strip has one contour height only: a summit, a pit, or the edge of the map
-    uphill      (C,) at every contour vertex 1 where the ground rises to the left of the contour, -1 to the right, 0 unknown
+    uphill      (C,) at every contour vertex 1 where the ground rises to the left, -1 to the right, 0 unknown
     """
 
     strip: Ints

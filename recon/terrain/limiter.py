@@ -58,4 +58,4 @@ def _ended(tiling: Tiling, layout: PatchLayout, limits: Levels) -> NDArray[np.bo
     vertex_ended = np.ones(len(tiling.points), dtype=bool)
     vertex_ended[tiling.triangles[~limits.ended[limits.strip]]] = False
     contour = np.arange(len(tiling.points)) < tiling.curves.n_vertices
-    return (vertex_ended & ~contour)[layout.corners].any(axis=1)
+    return np.asarray((vertex_ended & ~contour)[layout.corners].any(axis=1))

@@ -124,7 +124,7 @@ def _corner_cosines(points: Floats) -> Floats:
 
 
 def plan_sides(tiling: Tiling, layout: PatchLayout) -> tuple[Floats, Floats]:
-    """(P, 4, 2) control points in plan of the sides v = 0 and v = 1: a contour's curve, a straight line, or one point."""
+    """(P, 4, 2) control points in plan of the sides v = 0 and v = 1: contours, straight lines, or a point."""
     return _plan_side(tiling, layout, 0, (0, 1)), _plan_side(tiling, layout, 2, (3, 2))
 
 

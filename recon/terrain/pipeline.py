@@ -90,7 +90,7 @@ def terrain_surface(
     """A ground through the contours, of polynomial patches whose tangent planes agree along every common edge.
 
     doing     called with the name of each step
-    Promises  no patch folds; heights stay between the contours around, but for 5 % of the interval, summits and pits apart.
+    Promises  no patch folds; heights stay near those of their patch's corners, as the limiter says.
     Raises    BadGeometry naming height and place, where contours cross or a patch cannot be unfolded; BadOption.
     Paper     [zhang2006].
     """
@@ -100,7 +100,7 @@ def terrain_surface(
     local = contours.moved(origin)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
-        tiling, notes = _tiled(local, tolerance)
+        tiling = _tiled(local, tolerance, origin)
         layout = merged_layout(tiling)
         doing("finding the slopes")
         interval = contours.interval()
@@ -108,10 +108,10 @@ def terrain_surface(
         jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
         doing("making the patches")
         jets, nets = limited_jets(tiling, layout, jets, limits, interval)
-    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance, notes)
+    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance)
 
 
-def _tiled(contours: ContourMap, tolerance: float) -> tuple[Tiling, tuple[str, ...]]:
+def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
     """The tiling of curves that do not meet; where they did, the fit is repeated with less room."""
     tight = np.empty((0, 2))
     step = BORDER_STEP * point_spacing(contours)
@@ -119,10 +119,10 @@ def _tiled(contours: ContourMap, tolerance: float) -> tuple[Tiling, tuple[str, .
         curves = _supple(fit_contours(contours, tolerance, tight))
         try:
             tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
-            return _unfolded(tiling, contours.extent, free, step), ()
+            return _unfolded(tiling, contours.extent, free, (step, origin))
         except CurvesMeet as meeting:
             if attempt == REFITS - 1:
-                raise
+                raise CurvesMeet(meeting.places, meeting.height, origin) from meeting
             tight = np.vstack([tight, meeting.places])
     raise AssertionError("the loop returns or raises")
 
@@ -134,8 +134,9 @@ def _supple(curves: ContourCurves) -> ContourCurves:
     return curves
 
 
-def _unfolded(tiling: Tiling, extent: Floats, free: Floats, step: float) -> Tiling:
-    """The tiling with contour segments halved until no triangle's plan map folds."""
+def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, Floats]) -> Tiling:
+    """The tiling with contour segments halved until no triangle's plan map folds; `grid`: border step, map origin."""
+    step, origin = grid
     for _ in range(UNFOLDINGS):
         layout = triangle_layout(tiling)
         folded = is_folded(*plan_sides(tiling, layout), layout.is_triangle)
@@ -148,7 +149,7 @@ def _unfolded(tiling: Tiling, extent: Floats, free: Floats, step: float) -> Tili
         new = tiling.points[tiling.triangles[flat]].mean(axis=1)
         free = np.vstack([free, new])
         tiling = tile(tiling.curves.split(chosen), extent, free, border_step=step)
-    where = tiling.points[layout.corners[folded | flat, 0]][0]
+    where = tiling.points[layout.corners[folded | flat, 0]][0] + origin
     raise BadGeometry(
         "contours", f"{int(folded.sum())} patches stay folded, the first near ({where[0]:.1f}, {where[1]:.1f})"
     )

@@ -40,7 +40,7 @@ RING_SPANS = 6  # knot spans of a closed contour at least
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Points of all contours in one row: place, parameter, length of line that each stands for, contour, allowed miss."""
+    """Points of all contours in one row: place, parameter, length that each stands for, contour, allowed miss."""
 
     points: Floats
     parameter: Floats
@@ -251,7 +251,7 @@ def _at_feet(samples: _Samples, knots: _Knots, coefficients: Floats) -> tuple[_S
 
 
 def _refined(samples: _Samples, distance: Floats, flat: _Knots, knots: list[Floats]) -> list[Floats] | None:
-    """Knots with spans halved where a point is too far, then where a neighbour is less than half as long; None: done."""
+    """Knots with spans halved where a point is too far, or a neighbour less than half as long; None when done."""
     worst = np.zeros(len(flat.padded))
     finest = np.full(len(flat.padded), np.inf)
     at = _span_of(flat, samples.contour, samples.parameter)

@@ -72,7 +72,7 @@ def vertex_slopes(tiling: Tiling, normals: Floats, limits: Levels) -> VertexSlop
 
 
 def _tamed(tiling: Tiling, height: Floats, gradient: Floats) -> Floats:
-    """(V, 2) gradients no steeper than STEEPEST times the steepest edge at the vertex: a jet on its own means nothing."""
+    """(V, 2) gradients no steeper than STEEPEST times the steepest edge at the vertex."""
     i, j = tiling.edges.T
     mean = np.abs(height[j] - height[i]) / np.linalg.norm(tiling.points[j] - tiling.points[i], axis=1)
     most = np.zeros(len(height))

@@ -74,13 +74,15 @@ class Tiling:
 
 
 class CurvesMeet(BadGeometry):
-    """Curves of contours that cross or touch; `places` (n, 2) says where."""
+    """Curves of contours that cross or touch; `places` (n, 2) says where, in local coordinates."""
 
-    def __init__(self, curves: ContourCurves, segments: NDArray[np.bool_]) -> None:
-        self.places = curves.bezier[segments].mean(axis=1)
-        z = curves.heights[curves.contour[segments][0]]
-        where = f"({self.places[0, 0]:.1f}, {self.places[0, 1]:.1f})"
-        super().__init__("contours", f"the contour of height {z:g} crosses or touches another, or itself, near {where}")
+    def __init__(self, places: Floats, height: float, origin: Floats | None = None) -> None:
+        self.places, self.height = places, height
+        x, y = places[0] if origin is None else places[0] + origin
+        super().__init__(
+            "contours",
+            f"the contour of height {height:g} crosses or touches another, or itself, near ({x:.1f}, {y:.1f})",
+        )
 
 
 def tile(curves: ContourCurves, extent: Floats, free: Floats, *, border_step: float) -> Tiling:
@@ -101,7 +103,7 @@ def tile(curves: ContourCurves, extent: Floats, free: Floats, *, border_step: fl
         tiling, lost = _triangulated(curves, np.vstack([border, free]), extent)
     if tiling is not None and not lost.any():
         return tiling
-    raise CurvesMeet(curves, lost)
+    raise CurvesMeet(curves.bezier[lost].mean(axis=1), float(curves.heights[curves.contour[lost][0]]))
 
 
 def _border_points(vertices: Floats, extent: Floats, free: Floats, step: float) -> Floats:
