@@ -19,7 +19,7 @@ __all__ = ["limited_jets", "excess"]
 Floats = NDArray[np.float64]
 
 ROUNDS = 14
-FACTOR = 0.7
+FACTORS = 0.3, 0.8  # a round scales the jets of a patch by at least and at most so much
 BEYOND, BEYOND_ENDED = 0.04, 0.25  # shares of the interval between contours, and on summits, in pits, beside the border
 SAMPLES = np.linspace(0.0, 1.0, 9)
 
@@ -31,11 +31,13 @@ def limited_jets(
     allowed = np.where(_ended(tiling, layout, limits), BEYOND_ENDED, BEYOND) * interval
     for _ in range(ROUNDS):
         nets = patch_nets(tiling, layout, jets)
-        high = excess(layout, jets, nets) > allowed
+        over = excess(layout, jets, nets)
+        high = over > allowed
         if not high.any():
             break
         factor = np.ones(len(jets.height))
-        factor[layout.corners[high]] = FACTOR
+        share = np.clip(allowed[high] / over[high], *FACTORS)
+        np.minimum.at(factor, layout.corners[high].ravel(), np.repeat(share, 4))
         jets = jets.scaled(factor)
     return jets, nets
 

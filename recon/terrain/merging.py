@@ -29,7 +29,7 @@ Ints = NDArray[np.int64]
 
 SHARPEST = 0.94  # largest cosine of a corner of a quad: 20 degrees
 HALVINGS = 2  # of the parameter range before a sign that the coefficients leave open is taken for a fold
-MARGIN = 1e-3  # of the largest coefficient: what counts as positive
+MARGIN = 0.02  # of the largest coefficient: what counts as positive
 
 
 @dataclass(frozen=True, eq=False)
