@@ -51,8 +51,10 @@ class PatchLayout:
 
 
 def triangle_layout(tiling: Tiling) -> PatchLayout:
-    """Every triangle as a patch: its contour edge, if it has one, is side 0."""
-    turn = np.argmax(tiling.is_contour[tiling.side_edges], axis=1)[:, None]
+    """Every triangle as a patch: side 0 is its contour edge, if it has one, else its shortest, opposite a sharp apex."""
+    ends = tiling.points[tiling.edges]
+    length = np.where(tiling.is_contour, -1.0, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+    turn = np.argmin(length[tiling.side_edges], axis=1)[:, None]
     a, b, c = np.take_along_axis(tiling.triangles, (turn + np.arange(3)) % 3, axis=1).T
     ab, bc, ca = np.take_along_axis(tiling.side_edges, (turn + np.arange(3)) % 3, axis=1).T
     collapsed = np.full(len(a), COLLAPSED)
