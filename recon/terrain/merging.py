@@ -51,7 +51,7 @@ class PatchLayout:
 
 
 def triangle_layout(tiling: Tiling) -> PatchLayout:
-    """Every triangle as a patch: side 0 is its contour edge, if it has one, else its shortest, opposite a sharp apex."""
+    """Every triangle as a patch: side 0 is its contour edge, if it has one, else its shortest."""
     ends = tiling.points[tiling.edges]
     length = np.where(tiling.is_contour, -1.0, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
     turn = np.argmin(length[tiling.side_edges], axis=1)[:, None]
