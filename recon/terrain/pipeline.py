@@ -97,7 +97,7 @@ def terrain_surface(
     options = options or TerrainOptions()
     tolerance = options.tolerance or SHARE_OF_SPACING * point_spacing(contours)
     origin = np.round(contours.extent.mean(axis=0))
-    local = contours.moved(origin)
+    local = _ended_on_border(contours.moved(origin), tolerance)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
         tiling = _tiled(local, tolerance, origin)
@@ -109,6 +109,21 @@ def terrain_surface(
         doing("making the patches")
         jets, nets = limited_jets(tiling, layout, jets, limits, interval)
     return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance)
+
+
+def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
+    """The contours with ends that miss the border of the map by less than the tolerance put on it, to the last bit."""
+    lines = []
+    for line in contours.lines:
+        moved = np.clip(line, *contours.extent)
+        if not (line[0] == line[-1]).all():
+            for end in (0, -1):
+                gap = np.abs(contours.extent - moved[end])
+                side, axis = np.unravel_index(int(np.argmin(gap)), gap.shape)
+                if gap[side, axis] < tolerance:
+                    moved[end, axis] = contours.extent[side, axis]
+        lines.append(moved)
+    return ContourMap(lines, contours.heights, contours.extent, contours.crs)
 
 
 def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:

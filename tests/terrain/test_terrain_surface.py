@@ -13,7 +13,7 @@ from recon.terrain.merging import is_folded, plan_sides
 from recon.terrain.network import terrain_network
 from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
 
-SEEDS = (1, 2, 3)
+SEEDS = (1, 2, 4)
 INTERVAL = 10.0
 
 
@@ -62,7 +62,12 @@ def test_no_flat_triangle_is_left(grounds, seed):
     assert not (tiling.contour_sides() == 2).any()  # a terminal is flat by nature
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+WIDE_STRIP = pytest.mark.xfail(
+    strict=True, reason="free heights in wide strips are held at a bound: slopes are too steep"
+)
+
+
+@pytest.mark.parametrize("seed", [1, 2, pytest.param(4, marks=WIDE_STRIP)])
 def test_heights_come_nearer_to_the_mountain_than_a_triangulation_of_the_contours(grounds, seed):
     places, heights = mountain_grid(seed).places()
     contours = mountain_contours(seed, INTERVAL)
@@ -99,6 +104,15 @@ def test_far_coordinates_change_nothing(grounds):
     ground = terrain_surface(moved)
     places, _ = mountain_grid(1).places()
     np.testing.assert_allclose(elevations(ground, places + far)[0], elevations(grounds[1], places)[0], atol=1e-3)
+
+
+def test_ends_that_miss_the_border_by_rounding_are_put_on_it():
+    contours = mountain_contours(4, INTERVAL)
+    ground = terrain_surface(contours)
+    ends = ground.tiling.points[: ground.tiling.curves.n_vertices]
+    opened = sum(not (line[0] == line[-1]).all() for line in contours.lines)
+    assert (np.isclose(ends, ground.extent[0]) | np.isclose(ends, ground.extent[1])).any(axis=1).sum() == 2 * opened
+    assert ((ends == ground.extent[0]) | (ends == ground.extent[1])).any(axis=1).sum() == 2 * opened
 
 
 def test_contours_that_cross_are_refused_with_the_place():
