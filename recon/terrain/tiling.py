@@ -25,7 +25,6 @@ Ints = NDArray[np.int64]
 NO_SEGMENT = -1
 SPLITS = 4  # times that segments whose chords cross are halved
 FREE_ROUNDS, FLAT_ROUNDS = 3, 12
-BORDER_SPANS = 60.0  # border vertices are at most this many tolerances apart
 
 
 @dataclass(frozen=True, eq=False)
