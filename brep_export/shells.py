@@ -41,7 +41,7 @@ from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.patches import COLLAPSED, PatchNetwork, side_curve
 from recon.tolerance import Tolerance
 
-__all__ = ["network_shell", "planar_shell", "PlanarLoops", "make_shell", "side_ends"]
+__all__ = ["NetworkFaces", "network_faces", "network_shell", "planar_shell", "PlanarLoops", "make_shell", "side_ends"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -199,13 +199,28 @@ def network_shell(network: PatchNetwork, tolerance: Tolerance) -> TopoDS_Shell:
     Raises    NotManifold naming a place, when an edge has more than two uses, the network has one side only, or patches
               are farther apart along an edge than tolerance.fit.
     """
+    made = network_faces(network, tolerance)
+    closed = bool((np.bincount(network.side_edges[network.side_edges != COLLAPSED]) == 2).all())
+    return make_shell(made.faces, closed=closed)
+
+
+class NetworkFaces(NamedTuple):
+    """Faces of a patch network with the edges and vertices that they share, in the network's own order."""
+
+    faces: list[TopoDS_Shape]
+    edges: list[TopoDS_Edge]
+    vertices: list[TopoDS_Vertex]
+
+
+def network_faces(network: PatchNetwork, tolerance: Tolerance) -> NetworkFaces:
+    """What `network_shell` is made of, for those who join further faces to it; promises and raises as that does."""
     uses = _edge_uses(network)
     reverse = _turned_patches(network, uses)
     surfaces = [kernel_surface(patch) for patch in network.patches]
     vertices = [make_vertex(point) for point in network.vertices]
     edges = [_network_edge(network, e, (uses[e], surfaces, vertices), tolerance) for e in range(len(uses))]
     faces = [turned(_patch_face(network, p, surfaces[p], (vertices, edges)), reverse[p]) for p in range(len(surfaces))]
-    return make_shell(faces, closed=all(len(use) == 2 for use in uses))
+    return NetworkFaces(faces, edges, vertices)
 
 
 def side_ends(patch: BSplineSurface, side: int) -> tuple[Floats, Floats]:

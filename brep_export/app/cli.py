@@ -22,6 +22,7 @@ __all__ = ["app", "main"]
 
 JOBS = {
     "patch": "brep_export.app.patch_job:patch",
+    "terrain": "brep_export.app.terrain_job:terrain",
     "check": "brep_export.app.check_job:check_file",
     "demo": "brep_export.app.demo_job:demo",
     "views": "brep_export.app.views_job:views",
@@ -221,6 +222,58 @@ def demo(
         "debug": debug,
     }
     _answer("demo", request, as_json=as_json, quiet=quiet, timeout=timeout)
+
+
+@app.command()
+def terrain(
+    contours: Annotated[
+        Path, typer.Argument(help="Contour lines (.geojson .csv), or a height grid (.asc .json .tif) with --interval.")
+    ],
+    output: Output = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="Metres that contours may be smoothed by. Default: a fifth of their points' spacing.", min=1e-6
+        ),
+    ] = None,
+    interval: Annotated[float | None, typer.Option(help="Contour a grid at multiples of so many metres.")] = None,
+    attribute: Annotated[str | None, typer.Option(help="Property of the lines that holds their height.")] = None,
+    base_depth: Annotated[
+        float | None, typer.Option(help="Close to a solid, its base so many metres below the ground.", min=1e-3)
+    ] = None,
+    base_level: Annotated[
+        float | None, typer.Option(help="Close to a solid, its base at this height in metres.")
+    ] = None,
+    against: Annotated[Path | None, typer.Option(help="Height grid to measure the ground against.")] = None,
+    schema: Annotated[Schema, typer.Option(help="STEP application protocol.")] = Schema.AP214,
+    name: Annotated[str | None, typer.Option(help="Name of the part in the file's header.")] = None,
+    picture: Picture = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    timeout: Timeout = None,
+    allow_open: AllowOpen = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> None:
+    """Smooth mountain of G1 faces, or a solid, from contour lines."""
+    request = {
+        "inputs": [str(contours)],
+        "outputs": [str(path) for path in output or []],
+        "tolerance": tolerance,
+        "interval": interval,
+        "attribute": attribute,
+        "base_depth": base_depth,
+        "base_level": base_level,
+        "against": None if against is None else str(against),
+        "schema": schema.value,
+        "name": name,
+        "header_unit": "M",
+        "picture": None if picture is None else str(picture),
+        "allow_open": allow_open,
+        "force": force,
+        "debug": debug,
+    }
+    _answer("terrain", request, as_json=as_json, quiet=quiet, timeout=timeout)
 
 
 @app.command()

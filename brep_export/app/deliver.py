@@ -9,7 +9,7 @@ from OCP.TopoDS import TopoDS_Shape
 from brep_export.app.outputs import MESH_ENDINGS
 from brep_export.app.workshop import Bench
 from brep_export.check import CheckReport, ShapeKind, check
-from brep_export.file_header import FileHeader
+from brep_export.file_header import FileHeader, LengthUnit
 from brep_export.outputs import write_outputs
 from brep_export.read_back import ReadBack
 from brep_export.step import StepSchema
@@ -52,7 +52,9 @@ def write_files(
             shape,
             report.triangles(),
             request["outputs"],
-            header=FileHeader(name=request.get("name") or "missing piece"),
+            header=FileHeader(
+                name=request.get("name") or "missing piece", unit=LengthUnit(request.get("header_unit", "MM"))
+            ),
             schema=StepSchema[request.get("schema", "AP214")],
             allow_change=bool(request.get("force")),
             beside=others,

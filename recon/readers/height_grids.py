@@ -1,0 +1,80 @@
+"""Height grids from files: ESRI ASCII (.asc), JSON rows (.json), GeoTIFF (.tif, with the extra `gis`).
+
+JSON  {"width": nx, "height": ny, "values": [...]} row by row, north to south; "cell" metres between neighbours, else 10
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import ReconError, UnreadableFile, UnsupportedFormat
+from recon.geometry.contour_map import HeightGrid
+
+__all__ = ["GRID_ENDINGS", "read_height_grid"]
+
+Floats = NDArray[np.float64]
+
+GRID_ENDINGS = (".asc", ".json", ".tif", ".tiff")
+CELL = 10.0
+
+
+def read_height_grid(path: str | Path) -> HeightGrid:
+    """Height grid of a file; heights count at the middle of cells.
+
+    Raises  UnreadableFile, UnsupportedFormat, BadGeometry.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in GRID_ENDINGS:
+        raise UnsupportedFormat(str(path), GRID_ENDINGS)
+    if not Path(path).is_file():
+        raise UnreadableFile(str(path), "does not exist")
+    try:
+        return {".asc": _ascii, ".json": _json}.get(ending, _geotiff)(Path(path))
+    except ReconError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as problem:
+        raise UnreadableFile(str(path), f"is no height grid ({problem})") from problem
+
+
+def _json(path: Path) -> HeightGrid:
+    content = json.loads(path.read_text(encoding="utf-8"))
+    values = np.array(content["values"], dtype=np.float64).reshape(content["height"], content["width"])
+    cell = float(content.get("cell", CELL))
+    x, y = (cell * np.arange(n, dtype=np.float64) for n in values.shape[::-1])
+    return HeightGrid(x, y, values[::-1])
+
+
+def _ascii(path: Path) -> HeightGrid:
+    words = path.read_text(encoding="ascii").split()
+    header: dict[str, float] = {}
+    while words and words[2 * len(header)][0].isalpha():
+        header[words[2 * len(header)].lower()] = float(words[2 * len(header) + 1])
+    nx, ny, cell = int(header["ncols"]), int(header["nrows"]), header["cellsize"]
+    values = np.array(words[2 * len(header) :], dtype=np.float64).reshape(ny, nx)[::-1]
+    values = np.where(values == header.get("nodata_value", np.nan), np.nan, values)
+    x0 = header["xllcenter"] if "xllcenter" in header else header["xllcorner"] + cell / 2
+    y0 = header["yllcenter"] if "yllcenter" in header else header["yllcorner"] + cell / 2
+    x, y = (np.array([first + cell * k for k in range(n)]) for first, n in ((x0, nx), (y0, ny)))
+    return HeightGrid(x, y, values)
+
+
+def _geotiff(path: Path) -> HeightGrid:
+    try:
+        import rasterio
+    except ImportError as problem:
+        raise UnreadableFile(str(path), "needs rasterio", "Install recon-brep[gis]") from problem
+    try:
+        with rasterio.open(path) as source:
+            band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
+            way, crs = source.transform, source.crs
+    except rasterio.errors.RasterioError as problem:
+        raise UnreadableFile(str(path), f"is no GeoTIFF ({problem})") from problem
+    if way.b or way.d or way.e >= 0:
+        raise UnreadableFile(str(path), "is turned or stands on its head", "Resample it to a grid with north up")
+    if crs is not None and crs.is_geographic:
+        raise UnreadableFile(str(path), "has coordinates in degrees", "Project it to metres first, for example to UTM")
+    ny, nx = band.shape
+    x, y = way.c + way.a * (np.arange(nx) + 0.5), way.f + way.e * (np.arange(ny)[::-1] + 0.5)
+    return HeightGrid(x, y, band[::-1], "" if crs is None else crs.to_string())

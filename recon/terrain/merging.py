@@ -1,0 +1,173 @@
+"""Step 3, merging: pairs of triangles become quads, and every patch knows its sides.
+
+    sleeve, junction                    quad
+    3 = 2  o  collapsed                 3 o-----o 2        side 0 (v = 0) and side 2 (v = 1) may be contour edges,
+          / \\                            |     |          sides 1 and 3 are straight in plan: so the plan map is ruled
+       3 /   \\ 1                         |     |
+        /     \\                        0 o-----o 1            X(u, v) = (1 - v) a(u) + v b(u)
+     0 o-------o 1
+
+A patch folds where its plan map turns over. The map's Jacobian is linear in v, so it is positive everywhere when two
+polynomials in u are, and those are where their Bernstein coefficients are.
+
+Paper  [zhang2006], section 4.1; quads may here also have one contour side, or none.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry.patches import COLLAPSED
+from recon.numerics.bernstein import reparametrization
+from recon.terrain.tiling import Tiling
+
+__all__ = ["PatchLayout", "triangle_layout", "merged_layout", "plan_sides", "is_folded"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SHARPEST = 0.94  # largest cosine of a corner of a quad: 20 degrees
+HALVINGS = 2  # of the parameter range before a sign that the coefficients leave open is taken for a fold
+MARGIN = 0.02  # of the largest coefficient: what counts as positive
+
+
+@dataclass(frozen=True, eq=False)
+class PatchLayout:
+    """Corners and sides of all patches, as drawn above.
+
+    corners       (P, 4) vertices at (u, v) = (0, 0), (1, 0), (1, 1), (0, 1)
+    side_edges    (P, 4) edge of the tiling on every side, COLLAPSED on the side of a triangle that is one point
+    side_forward  (P, 4) whether the edge runs in the side's direction: 0 to 1, 1 to 2, 3 to 2, 0 to 3
+    """
+
+    corners: Ints
+    side_edges: Ints
+    side_forward: NDArray[np.bool_]
+
+    @property
+    def is_triangle(self) -> NDArray[np.bool_]:
+        return self.side_edges[:, 2] == COLLAPSED
+
+
+def triangle_layout(tiling: Tiling) -> PatchLayout:
+    """Every triangle as a patch: side 0 is its contour edge, if it has one, else its shortest."""
+    ends = tiling.points[tiling.edges]
+    length = np.where(tiling.is_contour, -1.0, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+    turn = np.argmin(length[tiling.side_edges], axis=1)[:, None]
+    a, b, c = np.take_along_axis(tiling.triangles, (turn + np.arange(3)) % 3, axis=1).T
+    ab, bc, ca = np.take_along_axis(tiling.side_edges, (turn + np.arange(3)) % 3, axis=1).T
+    collapsed = np.full(len(a), COLLAPSED)
+    return _layout(tiling, np.column_stack([a, b, c, c]), np.column_stack([ab, bc, collapsed, ca]))
+
+
+def _layout(tiling: Tiling, corners: Ints, side_edges: Ints) -> PatchLayout:
+    begin = corners[:, [0, 1, 3, 0]]
+    return PatchLayout(corners, side_edges, (tiling.edges[side_edges, 0] == begin) | (side_edges == COLLAPSED))
+
+
+def merged_layout(tiling: Tiling) -> PatchLayout:
+    """Triangles and quads: pairs with two opposite contour sides first, then those nearest to rectangles.
+
+    Promises  no quad folds; no quad has two contour sides that touch.
+    """
+    quads, faces, score = _candidates(tiling)
+    taken = np.zeros(len(tiling.triangles), dtype=bool)
+    chosen = []
+    pairs = faces.tolist()
+    for q in np.argsort(score, kind="stable").tolist():
+        left, right = pairs[q]
+        if not taken[left] and not taken[right]:
+            taken[left] = taken[right] = True
+            chosen.append(q)
+    rest = triangle_layout(tiling)
+    return PatchLayout(
+        np.vstack([quads.corners[chosen], rest.corners[~taken]]),
+        np.vstack([quads.side_edges[chosen], rest.side_edges[~taken]]),
+        np.vstack([quads.side_forward[chosen], rest.side_forward[~taken]]),
+    )
+
+
+def _candidates(tiling: Tiling) -> tuple[PatchLayout, Ints, Floats]:
+    """Quads that could be made, the (n, 2) triangles each takes, and a score, the lower the better."""
+    edge = np.flatnonzero((tiling.edge_faces >= 0).all(axis=1) & ~tiling.is_contour)
+    left, right = tiling.edge_faces[edge].T
+    at = np.argmax(tiling.side_edges[left] == edge[:, None], axis=1)
+    to = np.argmax(tiling.side_edges[right] == edge[:, None], axis=1)
+    rows = np.arange(len(edge))
+    i, j, k = (tiling.triangles[left, (at + s) % 3] for s in range(3))
+    lone = tiling.triangles[right, (to + 2) % 3]
+    corners = np.column_stack([i, lone, j, k])
+    sides = np.column_stack([
+        tiling.side_edges[right, (to + 1) % 3], tiling.side_edges[right, (to + 2) % 3],
+        tiling.side_edges[left, (at + 1) % 3], tiling.side_edges[left, (at + 2) % 3],
+    ])  # fmt: skip
+    contour = tiling.is_contour[sides]
+    allowed = ~((contour[:, 0] | contour[:, 2]) & (contour[:, 1] | contour[:, 3]))
+    turn = np.where(contour[:, 1] | contour[:, 3], 1, 0)[:, None]
+    corners = corners[rows[:, None], (np.arange(4) + turn) % 4]
+    sides = sides[rows[:, None], (np.arange(4) + turn) % 4]
+    bent = _corner_cosines(tiling.points[corners])
+    allowed &= bent.max(axis=1) < SHARPEST
+    corners, sides, bent = corners[allowed], sides[allowed], bent[allowed]
+    quads = _layout(tiling, corners, sides)
+    sound = ~is_folded(*plan_sides(tiling, quads), quads.is_triangle)
+    quads = PatchLayout(quads.corners[sound], quads.side_edges[sound], quads.side_forward[sound])
+    opposite = tiling.is_contour[quads.side_edges].sum(axis=1) == 2
+    return quads, np.column_stack([left, right])[allowed][sound], bent[sound].sum(axis=1) - 8.0 * opposite
+
+
+def _corner_cosines(points: Floats) -> Floats:
+    """(n, 4) sizes of the cosines at the corners of quads (n, 4, 2); 2 where a corner is not convex."""
+    before, after = np.roll(points, 1, axis=1) - points, np.roll(points, -1, axis=1) - points
+    scale = np.maximum(np.linalg.norm(before, axis=2) * np.linalg.norm(after, axis=2), 1e-300)
+    sine = (after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]) / scale
+    return np.where(sine > 0, np.abs(np.einsum("nkd,nkd->nk", before, after)) / scale, 2.0)
+
+
+def plan_sides(tiling: Tiling, layout: PatchLayout) -> tuple[Floats, Floats]:
+    """(P, 4, 2) control points in plan of the sides v = 0 and v = 1: contours, straight lines, or a point."""
+    return _plan_side(tiling, layout, 0, (0, 1)), _plan_side(tiling, layout, 2, (3, 2))
+
+
+def _plan_side(tiling: Tiling, layout: PatchLayout, side: int, ends: tuple[int, int]) -> Floats:
+    a, b = tiling.points[layout.corners[:, ends[0]]], tiling.points[layout.corners[:, ends[1]]]
+    net = a[:, None] + np.linspace(0, 1, 4)[:, None] * (b - a)[:, None]
+    segment = np.where(layout.side_edges[:, side] == COLLAPSED, -1, tiling.edge_segment[layout.side_edges[:, side]])
+    curved = segment >= 0
+    bezier = tiling.curves.bezier[segment[curved]]
+    net[curved] = np.where(layout.side_forward[curved, side][:, None, None], bezier, bezier[:, ::-1])
+    return net
+
+
+_PRODUCT = np.zeros((6, 3, 4))  # Bernstein coefficients of a quadratic times a cubic
+for _i, _p in enumerate((1, 2, 1)):
+    for _j, _q in enumerate((1, 3, 3, 1)):
+        _PRODUCT[_i + _j, _i, _j] = _p * _q / (1, 5, 10, 10, 5, 1)[_i + _j]
+
+
+def is_folded(bottom: Floats, top: Floats, triangle: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(P,) whether a plan map cannot be shown to be one-to-one: its Jacobian is not proved positive.
+
+    bottom, top  (P, 4, 2) plan control points of the sides v = 0 and v = 1
+    triangle     (P,) whether the top is one point, where the Jacobian may vanish
+    """
+    across = top - bottom
+    first = _cross_product(3 * np.diff(bottom, axis=1), across)
+    second = np.where(triangle[:, None], 1.0, _cross_product(3 * np.diff(top, axis=1), across))
+    return ~(_is_positive(first) & _is_positive(second))
+
+
+def _cross_product(quadratic: Floats, cubic: Floats) -> Floats:
+    """(P, 6) Bernstein coefficients of the cross product of two plane polynomials."""
+    turned = np.stack([cubic[..., 1], -cubic[..., 0]], axis=-1)
+    return np.einsum("kij,nid,njd->nk", _PRODUCT, quadratic, turned)
+
+
+def _is_positive(coefficients: Floats) -> NDArray[np.bool_]:
+    least = MARGIN * np.abs(coefficients).max(axis=1, keepdims=True)
+    pieces = coefficients[:, None]
+    low, high = reparametrization(5, 0.0, 0.5), reparametrization(5, 0.5, 1.0)
+    for _ in range(HALVINGS):
+        pieces = np.concatenate([pieces @ low.T, pieces @ high.T], axis=1)
+    return (pieces > least[..., None]).all(axis=(1, 2))

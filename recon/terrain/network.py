@@ -1,0 +1,38 @@
+"""The patches of a terrain as a network: corners, edges and sides numbered for the kernel door."""
+
+import numpy as np
+
+from recon.geometry.bspline import BSplineSurface
+from recon.geometry.patches import COLLAPSED, PatchNetwork
+from recon.terrain.pipeline import Terrain
+
+__all__ = ["terrain_network"]
+
+
+def terrain_network(terrain: Terrain) -> PatchNetwork:
+    """Bezier patches of a terrain, in local coordinates, with every shared side one edge.
+
+    Promises  all normals upward; an edge has two patches, or one on the border of the map.
+    """
+    patches: list[BSplineSurface | None] = [None] * terrain.n_patches
+    knots_v = np.repeat([0.0, 1.0], 6)
+    for part in terrain.nets:
+        knots_u = np.repeat([0.0, 1.0], part.degree + 1)
+        for row, net in zip(part.rows.tolist(), part.nets):
+            patches[row] = BSplineSurface(part.degree, 5, knots_u, knots_v, net)
+    layout = terrain.layout
+    sides = layout.side_edges
+    used = np.unique(sides[sides != COLLAPSED])
+    number = np.full(len(terrain.tiling.edges), COLLAPSED)
+    number[used] = np.arange(len(used))
+    vertices, corners = np.unique(layout.corners, return_inverse=True)
+    local = np.full(len(terrain.tiling.points), -1)
+    local[vertices] = np.arange(len(vertices))
+    return PatchNetwork(
+        tuple(patch for patch in patches if patch is not None),
+        np.column_stack([terrain.tiling.points, terrain.jets.height])[vertices],
+        local[terrain.tiling.edges[used]],
+        np.where(sides == COLLAPSED, COLLAPSED, number[sides]),
+        layout.side_forward.astype(np.int64),
+        corners.reshape(-1, 4),
+    )

@@ -1,0 +1,138 @@
+"""Step 6, patches: one polynomial surface a patch, with given height and gradient along its sides.
+
+    plan     X(u, v) = (1 - v) a(u) + v b(u)
+    side     z_v(u, 0) = gradient . X_v(u, 0),   z_u(0, v) = gradient . X_u(0, v),   and so on
+    inside   z = bicubically blended Coons:  P_v z + P_u z - P_u P_v z,  P the cubic Hermite interpolants of the sides
+
+Every term is a polynomial: degree 8 x 5 where side 0 or 2 is a contour edge, 5 x 5 elsewhere. The corner twists
+z_uv = X_u . H X_v + g . X_uv agree from both sides because the Hessian H belongs to the vertex.
+
+Paper  [zhang2006], section 5, has Gregory patches here; Coons patches as in [farin2002], chapter 22.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry.patches import COLLAPSED
+from recon.numerics.bernstein import bernstein, degree_elevation
+from recon.terrain.curve_mesh import EdgeFields, edge_fields
+from recon.terrain.merging import PatchLayout, plan_sides
+from recon.terrain.second_derivatives import VertexJets
+from recon.terrain.tiling import Tiling
+
+__all__ = ["PatchNets", "patch_nets"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+DEGREE_V = 5
+CURVED, STRAIGHT = 8, 5  # degree in u with and without a contour side
+
+
+@dataclass(frozen=True, eq=False)
+class PatchNets:
+    """Bezier control nets of one degree.
+
+    rows  (n,) patches of the layout
+    nets  (n, degree + 1, 6, 3)
+    """
+
+    rows: Ints
+    nets: Floats
+
+    @property
+    def degree(self) -> int:
+        return self.nets.shape[1] - 1
+
+
+def patch_nets(tiling: Tiling, layout: PatchLayout, jets: VertexJets) -> tuple[PatchNets, PatchNets]:
+    """Control nets of all patches: those with a contour side, and those without."""
+    used = np.where(layout.side_edges == COLLAPSED, False, tiling.is_contour[layout.side_edges])
+    curved = used.any(axis=1)
+    along_v = edge_fields(tiling, jets, DEGREE_V + 1)
+    plan = plan_sides(tiling, layout)
+    made = []
+    for rows, degree in ((np.flatnonzero(curved), CURVED), (np.flatnonzero(~curved), STRAIGHT)):
+        along_u = along_v if degree == DEGREE_V else edge_fields(tiling, jets, degree + 1)
+        part = PatchLayout(layout.corners[rows], layout.side_edges[rows], layout.side_forward[rows])
+        sides = _Sides.of(part, jets, along_u, along_v)
+        made.append(PatchNets(rows, _nets(part, jets, sides, (plan[0][rows], plan[1][rows]), degree)))
+    return made[0], made[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Sides:
+    """Height (P, n) and gradient (P, n, 2) along each of the four sides, in the sides' own directions."""
+
+    height: tuple[Floats, ...]
+    gradient: tuple[Floats, ...]
+
+    @classmethod
+    def of(cls, layout: PatchLayout, jets: VertexJets, along_u: EdgeFields, along_v: EdgeFields) -> "_Sides":
+        heights, gradients = [], []
+        for side in range(4):
+            fields = along_u if side in (0, 2) else along_v
+            edge, forward = layout.side_edges[:, side], layout.side_forward[:, side]
+            z, g = fields.height[edge], fields.gradient[edge]
+            z = np.where(forward[:, None], z, z[:, ::-1])
+            g = np.where(forward[:, None, None], g, g[:, ::-1])
+            point = edge == COLLAPSED
+            z[point] = jets.height[layout.corners[point, 3]][:, None]
+            g[point] = jets.gradient[layout.corners[point, 3]][:, None]
+            heights.append(z)
+            gradients.append(g)
+        return cls(tuple(heights), tuple(gradients))
+
+
+def _hermite(t: Floats) -> Floats:
+    """(4, n) cubic Hermite functions: value and slope at 0, value and slope at 1."""
+    return np.stack([(1 + 2 * t) * (1 - t) ** 2, t * (1 - t) ** 2, t * t * (3 - 2 * t), t * t * (t - 1)])
+
+
+def _nets(layout: PatchLayout, jets: VertexJets, sides: _Sides, plan: tuple[Floats, Floats], degree: int) -> Floats:
+    bottom, top = plan
+    u, v = np.linspace(0, 1, degree + 1), np.linspace(0, 1, DEGREE_V + 1)
+    across = np.einsum("tk,nkd->ntd", bernstein(3, u), top - bottom)  # X_v, the same at v = 0 and 1
+    ends = [(3 * (net[:, 1] - net[:, 0]), 3 * (net[:, 3] - net[:, 2])) for net in plan]
+    along = [(1 - v)[:, None] * ends[0][k][:, None] + v[:, None] * ends[1][k][:, None] for k in (0, 1)]  # X_u at u = k
+    in_v = np.stack([
+        sides.height[0], np.einsum("ntd,ntd->nt", sides.gradient[0], across),
+        sides.height[2], np.einsum("ntd,ntd->nt", sides.gradient[2], across),
+    ])  # fmt: skip
+    in_u = np.stack([
+        sides.height[3], np.einsum("ntd,ntd->nt", sides.gradient[3], along[0]),
+        sides.height[1], np.einsum("ntd,ntd->nt", sides.gradient[1], along[1]),
+    ])  # fmt: skip
+    hu, hv = _hermite(u), _hermite(v)
+    corner = _corner_tensor(layout, jets, plan)
+    z = (
+        np.einsum("knu,kv->nuv", in_v, hv)
+        + np.einsum("knv,ku->nuv", in_u, hu)
+        - np.einsum("nkl,ku,lv->nuv", corner, hu, hv)
+    )
+    to_u, to_v = np.linalg.inv(bernstein(degree, u)), np.linalg.inv(bernstein(DEGREE_V, v))
+    base = z[:, :1, :1]
+    net = np.empty((len(z), degree + 1, DEGREE_V + 1, 3))
+    net[..., 2] = base + np.einsum("iu,nuv,jv->nij", to_u, z - base, to_v, optimize=True)
+    raise_u = degree_elevation(3, degree)
+    low, high = (np.einsum("ik,nkd->nid", raise_u, side)[:, :, None] for side in plan)
+    net[..., :2] = (1 - v)[:, None] * low + v[:, None] * high
+    return net
+
+
+def _corner_tensor(layout: PatchLayout, jets: VertexJets, plan: tuple[Floats, Floats]) -> Floats:
+    """(P, 4, 4) values, slopes and twists at the corners: rows z, z_u at u = 0, then at u = 1; columns so in v."""
+    tensor = np.empty((len(layout.corners), 4, 4))
+    across = [plan[1][:, 3 * k] - plan[0][:, 3 * k] for k in (0, 1)]
+    steps = [[3 * (net[:, 1] - net[:, 0]), 3 * (net[:, 3] - net[:, 2])] for net in plan]
+    for (i, j), corner in zip(((0, 0), (1, 0), (1, 1), (0, 1)), range(4)):
+        vertex = layout.corners[:, corner]
+        g, h = jets.gradient[vertex], jets.hessian[vertex]
+        x_u, x_v, x_uv = steps[j][i], across[i], steps[1][i] - steps[0][i]
+        tensor[:, 2 * i, 2 * j] = jets.height[vertex]
+        tensor[:, 2 * i + 1, 2 * j] = np.einsum("nd,nd->n", g, x_u)
+        tensor[:, 2 * i, 2 * j + 1] = np.einsum("nd,nd->n", g, x_v)
+        tensor[:, 2 * i + 1, 2 * j + 1] = np.einsum("ni,nij,nj->n", x_u, h, x_v) + np.einsum("nd,nd->n", g, x_uv)
+    return tensor

@@ -1,0 +1,170 @@
+"""From contour lines to a mountain of patches that meet G1, step by step as in [zhang2006].
+
+1. resampling   every contour a cubic spline with continuous curvature                        (3, step 1)
+2. tiling       constrained Delaunay triangles, free vertices where they would be flat        (3, step 2)
+3. merging      triangles to quads                                                            (4.1)
+4. slopes       tangents across the contours; heights of the free vertices                    (4.2)
+5. curve mesh   height and gradient along every edge                                          (4.2)
+6. patches      one polynomial surface a patch                                                (5)
+7. limiter      no overshoot beyond the contours around
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from recon.errors import BadGeometry, BadOption
+from recon.geometry.contour_map import ContourMap
+from recon.terrain.contour_curves import ContourCurves
+from recon.terrain.levels import levels
+from recon.terrain.limiter import limited_jets
+from recon.terrain.merging import PatchLayout, is_folded, merged_layout, plan_sides, triangle_layout
+from recon.terrain.patches import PatchNets
+from recon.terrain.resampling import fit_contours, point_spacing
+from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
+from recon.terrain.slopes import vertex_slopes
+from recon.terrain.tiling import CurvesMeet, Tiling, tile, with_free_vertices
+
+__all__ = ["Terrain", "TerrainOptions", "terrain_surface"]
+
+Floats = NDArray[np.float64]
+
+SHARE_OF_SPACING = 0.2  # the tolerance, where none is given, as a share of the distance between the given points
+MOST_TURNING = np.radians(40.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
+BORDER_STEP = 6.0  # spacings of the points between free vertices on the border
+REFITS, UNFOLDINGS = 6, 12
+
+
+@dataclass(frozen=True)
+class TerrainOptions:
+    """What a user may choose.
+
+    tolerance  metres that a contour's curve may stay from the points given; None: a fifth of their spacing
+    Raises  BadOption.
+    """
+
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.tolerance is not None and not 0 < self.tolerance < np.inf:
+            raise BadOption("--tolerance", f"must be a positive length in metres, not {self.tolerance}")
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """A smooth ground over a map rectangle.
+
+    origin   (2,) place of the map at which the patches have their x = y = 0
+    tiling, layout, jets   what the patches were made from, in local coordinates
+    nets     Bezier control nets, in local coordinates: those with a contour side, and those without
+    extent   (2, 2) corners of the map, in local coordinates
+    interval metres of height between neighbouring contours
+    tolerance  metres, as used
+    notes    what a user should know about how it was made
+    """
+
+    origin: Floats
+    tiling: Tiling
+    layout: PatchLayout
+    jets: VertexJets
+    nets: tuple[PatchNets, PatchNets]
+    extent: Floats
+    interval: float
+    tolerance: float
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def n_patches(self) -> int:
+        return len(self.layout.corners)
+
+
+def terrain_surface(
+    contours: ContourMap,
+    options: TerrainOptions | None = None,
+    *,
+    doing: Callable[[str], None] = lambda step: None,
+) -> Terrain:
+    """A ground through the contours, of polynomial patches whose tangent planes agree along every common edge.
+
+    doing     called with the name of each step
+    Promises  no patch folds; heights stay near those of their patch's corners, as the limiter says.
+    Raises    BadGeometry naming height and place, where contours cross or a patch cannot be unfolded; BadOption.
+    Paper     [zhang2006].
+    """
+    options = options or TerrainOptions()
+    tolerance = options.tolerance or SHARE_OF_SPACING * point_spacing(contours)
+    origin = np.round(contours.extent.mean(axis=0))
+    local = _ended_on_border(contours.moved(origin), tolerance)
+    with threadpool_limits(limits=1, user_api="blas"):
+        doing("following the contours")
+        tiling = _tiled(local, tolerance, origin)
+        layout = merged_layout(tiling)
+        doing("finding the slopes")
+        interval = contours.interval()
+        limits = levels(tiling, interval)
+        jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
+        doing("making the patches")
+        jets, nets = limited_jets(tiling, layout, jets, limits, interval)
+    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance)
+
+
+def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
+    """The contours with ends that miss the border of the map by less than the tolerance put on it, to the last bit."""
+    lines = []
+    for line in contours.lines:
+        moved = np.clip(line, *contours.extent)
+        if not (line[0] == line[-1]).all():
+            for end in (0, -1):
+                gap = np.abs(contours.extent - moved[end])
+                side, axis = np.unravel_index(int(np.argmin(gap)), gap.shape)
+                if gap[side, axis] < tolerance:
+                    moved[end, axis] = contours.extent[side, axis]
+        lines.append(moved)
+    return ContourMap(lines, contours.heights, contours.extent, contours.crs)
+
+
+def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
+    """The tiling of curves that do not meet; where they did, the fit is repeated with less room."""
+    tight = np.empty((0, 2))
+    step = BORDER_STEP * point_spacing(contours)
+    for attempt in range(REFITS):
+        curves = _supple(fit_contours(contours, tolerance, tight))
+        try:
+            tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
+            return _unfolded(tiling, contours.extent, free, (step, origin))
+        except CurvesMeet as meeting:
+            if attempt == REFITS - 1:
+                raise CurvesMeet(meeting.places, meeting.height, origin) from meeting
+            tight = np.vstack([tight, meeting.places])
+    raise AssertionError("the loop returns or raises")
+
+
+def _supple(curves: ContourCurves) -> ContourCurves:
+    """The curves split until no segment turns by much."""
+    while (bent := curves.turning() > MOST_TURNING).any():
+        curves = curves.split(bent)
+    return curves
+
+
+def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, Floats]) -> Tiling:
+    """The tiling with contour segments halved until no triangle's plan map folds; `grid`: border step, map origin."""
+    step, origin = grid
+    for _ in range(UNFOLDINGS):
+        layout = triangle_layout(tiling)
+        folded = is_folded(*plan_sides(tiling, layout), layout.is_triangle)
+        flat = tiling.flat_triangles()
+        if not folded.any() and not flat.any():
+            return tiling
+        segments = tiling.edge_segment[layout.side_edges[folded, 0]]
+        chosen = np.zeros(len(tiling.curves.bezier), dtype=bool)
+        chosen[segments[segments >= 0]] = True
+        new = tiling.points[tiling.triangles[flat]].mean(axis=1)
+        free = np.vstack([free, new])
+        tiling = tile(tiling.curves.split(chosen), extent, free, border_step=step)
+    where = tiling.points[layout.corners[folded | flat, 0]][0] + origin
+    raise BadGeometry(
+        "contours", f"{int(folded.sum())} patches stay folded, the first near ({where[0]:.1f}, {where[1]:.1f})"
+    )

@@ -1,0 +1,236 @@
+"""Step 2, tiling: a constrained Delaunay triangulation of the whole map between its contours and its border.
+
+    terminal T   two contour edges        sleeve S   one contour edge        junction J   none
+
+A triangle whose corners all have one height would be a plateau that nobody measured: flat edges get a free vertex at
+their middle, the longest first, whose height and gradient are found with the slopes.
+
+Paper  [zhang2006], section 3 (2); free vertices are not in the paper.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pythoncdt
+from numpy.typing import NDArray
+
+from recon.errors import BadGeometry
+from recon.terrain.contour_curves import ContourCurves
+
+__all__ = ["CurvesMeet", "Tiling", "tile", "with_free_vertices", "NO_SEGMENT"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NO_SEGMENT = -1
+SPLITS = 4  # times that segments whose chords cross are halved
+FREE_ROUNDS, FLAT_ROUNDS = 3, 12
+
+
+@dataclass(frozen=True, eq=False)
+class Tiling:
+    """Triangles between contours; the first vertices are those of `curves`, the others are free.
+
+    points        (V, 2)
+    triangles     (F, 3) counter-clockwise; side k of a triangle runs from its vertex k to vertex k + 1
+    edges         (E, 2) vertices of every edge, those of a contour edge along its segment
+    side_edges    (F, 3) edge on every side
+    edge_faces    (E, 2) triangles to the left and right of the edge, -1 where there is none
+    edge_segment  (E,) segment of the contour that the edge is, or NO_SEGMENT
+    """
+
+    curves: ContourCurves
+    points: Floats
+    triangles: Ints
+    edges: Ints
+    side_edges: Ints
+    edge_faces: Ints
+    edge_segment: Ints
+
+    @property
+    def is_contour(self) -> NDArray[np.bool_]:
+        """(E,) whether an edge belongs to a contour."""
+        return self.edge_segment != NO_SEGMENT
+
+    def vertex_heights(self) -> Floats:
+        """(V,) heights of the contours' vertices, NaN at free vertices."""
+        known = self.curves.heights[self.curves.vertex_contours()]
+        return np.r_[known, np.full(len(self.points) - len(known), np.nan)]
+
+    def contour_sides(self) -> Ints:
+        """(F,) contour edges of every triangle: 2 a terminal, 1 a sleeve, 0 a junction."""
+        return self.is_contour[self.side_edges].sum(axis=1)
+
+    def flat_edges(self) -> NDArray[np.bool_]:
+        """(E,) whether an edge joins two contour vertices of one height without being a contour edge."""
+        z = self.vertex_heights()[self.edges]
+        return (z[:, 0] == z[:, 1]) & ~self.is_contour
+
+    def flat_triangles(self) -> NDArray[np.bool_]:
+        """(F,) whether all three corners are contour vertices of one height."""
+        z = self.vertex_heights()[self.triangles]
+        return (z[:, 0] == z[:, 1]) & (z[:, 1] == z[:, 2])
+
+
+class CurvesMeet(BadGeometry):
+    """Curves of contours that cross or touch; `places` (n, 2) says where, in local coordinates."""
+
+    def __init__(self, places: Floats, height: float, origin: Floats | None = None) -> None:
+        self.places, self.height = places, height
+        x, y = places[0] if origin is None else places[0] + origin
+        super().__init__(
+            "contours",
+            f"the contour of height {height:g} crosses or touches another, or itself, near ({x:.1f}, {y:.1f})",
+        )
+
+
+def tile(curves: ContourCurves, extent: Floats, free: Floats, *, border_step: float) -> Tiling:
+    """Triangles of the map rectangle with every contour segment an edge.
+
+    extent       (2, 2) corners of the map
+    free         (n, 2) free vertices besides those on the border
+    border_step  metres between free vertices on the border, at most
+    Promises     segments whose chords cross are halved until they do not.
+    Raises       CurvesMeet with the places at which that does not help.
+    """
+    border = _border_points(curves.vertices(), extent, free, border_step)
+    tiling, lost = _triangulated(curves, np.vstack([border, free]), extent)
+    for _ in range(SPLITS):
+        if tiling is not None and not lost.any():
+            return tiling
+        curves = curves.split(lost)
+        tiling, lost = _triangulated(curves, np.vstack([border, free]), extent)
+    if tiling is not None and not lost.any():
+        return tiling
+    raise CurvesMeet(curves.bezier[lost].mean(axis=1), float(curves.heights[curves.contour[lost][0]]))
+
+
+def _border_points(vertices: Floats, extent: Floats, free: Floats, step: float) -> Floats:
+    """Free vertices on the border of the map: its corners, and points between those where contours leave it."""
+    (x0, y0), (x1, y1) = extent
+    added = [np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])]
+    taken = np.vstack([vertices, free])
+    for axis, at, (low, high) in ((1, y0, (x0, x1)), (1, y1, (x0, x1)), (0, x0, (y0, y1)), (0, x1, (y0, y1))):
+        along = np.unique(np.r_[low, taken[taken[:, axis] == at, 1 - axis], high])
+        gap = np.diff(along)
+        parts = np.maximum(np.ceil(gap / step).astype(int), 1)
+        leg = np.repeat(np.arange(len(gap)), parts)
+        share = (np.arange(len(leg)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[leg]
+        new = np.empty(((share > 0).sum(), 2))
+        new[:, axis] = at
+        new[:, 1 - axis] = (along[leg] + share * gap[leg])[share > 0]
+        added.append(new)
+    corners = added[0]
+    same = (corners[:, None] == taken[None]).all(axis=2).any(axis=1)
+    return np.vstack([corners[~same], *added[1:]])
+
+
+def _triangulated(curves: ContourCurves, free: Floats, extent: Floats) -> tuple[Tiling | None, NDArray[np.bool_]]:
+    """The triangulation, or None where curves cross; and which segments it lacks, since their chords meet another."""
+    points = np.vstack([curves.vertices(), free])
+    chords = np.column_stack([curves.start, curves.end])
+    rim = _rim(points, extent)
+    work = pythoncdt.Triangulation(
+        pythoncdt.VertexInsertionOrder.AUTO, pythoncdt.IntersectingConstraintEdges.TRY_RESOLVE, 0.0
+    )
+    work.insert_vertices(points)
+    work.insert_edges(np.vstack([rim, chords]).astype(np.uint32))
+    work.erase_super_triangle()
+    triangles = work.triangles_array()["vertices"].astype(np.int64)
+    rim_chord = np.isin(_key(chords, len(points)), _key(rim, len(points)))
+    if triangles.size == 0 or triangles.max() >= len(points):
+        held = triangles[(triangles < len(points)).all(axis=1)]
+        return None, ~np.isin(_key(chords, len(points)), _key(_sides(held), len(points)))
+    triangles = _without_slivers(triangles, points)
+    tiling = _tiling(curves, points, triangles)
+    lost = np.ones(len(chords), dtype=bool)
+    lost[tiling.edge_segment[tiling.is_contour]] = False
+    return tiling, lost & ~rim_chord
+
+
+def _rim(points: Floats, extent: Floats) -> Ints:
+    """(n, 2) edges along the border, through all vertices on it."""
+    (x0, y0), (x1, y1) = extent
+    pairs = []
+    for axis, at in ((1, y0), (1, y1), (0, x0), (0, x1)):
+        on = np.flatnonzero(points[:, axis] == at)
+        on = on[np.argsort(points[on, 1 - axis], kind="stable")]
+        pairs.append(np.column_stack([on[:-1], on[1:]]))
+    return np.vstack(pairs)
+
+
+def _key(pairs: Ints, n: int) -> Ints:
+    return pairs.min(axis=1) * n + pairs.max(axis=1)
+
+
+def _sides(triangles: Ints) -> Ints:
+    return np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+
+
+def _without_slivers(triangles: Ints, points: Floats) -> Ints:
+    """Triangles with an area: three vertices on one side of the border have none."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    return triangles[area > 0]
+
+
+def _tiling(curves: ContourCurves, points: Floats, triangles: Ints) -> Tiling:
+    n, n_faces = len(points), len(triangles)
+    sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    key, first, slot = np.unique(_key(sides, n), return_index=True, return_inverse=True)
+    edges = sides[first].copy()
+    chords = np.column_stack([curves.start, curves.end])
+    chord_key = _key(chords, n)
+    place = np.minimum(np.searchsorted(key, chord_key), len(key) - 1)
+    found = key[place] == chord_key
+    segment = np.full(len(edges), NO_SEGMENT)
+    segment[place[found]] = np.flatnonzero(found)
+    edges[place[found]] = chords[found]
+    faces = np.full((len(edges), 2), -1)
+    right = (sides[:, 0] != edges[slot, 0]).astype(np.int64)
+    faces[slot, right] = np.arange(3 * n_faces) // 3
+    return Tiling(curves, points, triangles, edges, slot.reshape(-1, 3), faces, segment)
+
+
+def with_free_vertices(curves: ContourCurves, extent: Floats, *, border_step: float) -> tuple[Tiling, Floats]:
+    """The tiling with free vertices wherever it would be flat, and those of them that lie off the border's own (n, 2).
+
+    Promises  no triangle has three contour vertices of one height for its corners.
+    Raises    CurvesMeet as `tile`; BadGeometry when the map stays flat.
+    """
+    free = np.empty((0, 2))
+    for turn in range(FLAT_ROUNDS):
+        tiling = tile(curves, extent, free, border_step=border_step)
+        curves = tiling.curves
+        flat = tiling.flat_triangles()
+        if turn >= FREE_ROUNDS and not flat.any():
+            return tiling, free
+        new = _middles(tiling, tiling.flat_edges() if turn < FREE_ROUNDS else _edges_of(tiling, flat))
+        caps = tiling.triangles[flat & (tiling.contour_sides() == 3)]
+        new = np.vstack([new, tiling.points[caps].mean(axis=1)])
+        if not len(new):
+            return tiling, free
+        free = np.unique(np.vstack([free, new]), axis=0)
+    raise BadGeometry("contours", f"{int(flat.sum())} triangles of the map stay flat")
+
+
+def _edges_of(tiling: Tiling, faces: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    chosen = np.zeros(len(tiling.edges), dtype=bool)
+    chosen[tiling.side_edges[faces]] = True
+    return chosen & tiling.flat_edges()
+
+
+def _middles(tiling: Tiling, chosen: NDArray[np.bool_]) -> Floats:
+    """Midpoints of chosen edges, the longest first, at most one for every triangle."""
+    ends = tiling.points[tiling.edges]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    taken = np.zeros(len(tiling.triangles) + 1, dtype=bool)  # the last entry stands for the outside
+    picked = []
+    candidates = np.flatnonzero(chosen)
+    pairs = tiling.edge_faces.tolist()
+    for e in candidates[np.argsort(-length[candidates], kind="stable")].tolist():
+        left, right = pairs[e]
+        if not (left >= 0 and taken[left]) and not (right >= 0 and taken[right]):
+            taken[left] = taken[right] = True
+            picked.append(e)
+    return ends[picked].mean(axis=1)

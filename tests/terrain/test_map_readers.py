@@ -1,0 +1,132 @@
+"""Contour lines and height grids from files, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+from generated_mountains import mountain_contours, mountain_grid
+
+from recon.errors import BadGeometry, BadOption, UnreadableFile, UnsupportedFormat
+from recon.geometry.contour_map import HeightGrid
+from recon.readers.contours import read_contours
+from recon.readers.height_grids import read_height_grid
+from recon.terrain.contouring import contour_grid
+
+UTM = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::26910"}}
+
+
+def feature(line, height=10.0, name="ELEV"):
+    return {
+        "type": "Feature",
+        "properties": {} if height is None else {name: height},
+        "geometry": {"type": "LineString", "coordinates": line},
+    }
+
+
+def written(tmp_path, features, crs=UTM):
+    path = tmp_path / "map.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}))
+    return path
+
+
+def test_geojson_gives_back_every_line_with_its_height(tmp_path):
+    contours = mountain_contours(3)
+    path = written(tmp_path, [feature(c.tolist(), z) for c, z in zip(contours.lines, contours.heights.tolist())])
+    again = read_contours(path)
+    assert again.crs.endswith("26910")
+    np.testing.assert_array_equal(again.heights, contours.heights)
+    for a, b in zip(again.lines, contours.lines):
+        np.testing.assert_allclose(a, b, atol=1e-9)
+
+
+def test_csv_gives_back_every_line_with_its_height(tmp_path):
+    contours = mountain_contours(3)
+    rows = ["x,y,z,line"] + [
+        f"{x!r},{y!r},{z!r},{k}"
+        for k, (line, z) in enumerate(zip(contours.lines, contours.heights.tolist()))
+        for x, y in line.tolist()
+    ]
+    path = tmp_path / "map.csv"
+    path.write_text("\n".join(rows))
+    again = read_contours(path)
+    np.testing.assert_array_equal(again.heights, contours.heights)
+    np.testing.assert_array_equal(np.concatenate(again.lines), np.concatenate(contours.lines))
+
+
+@pytest.mark.parametrize(
+    ("features", "error", "words"),
+    [
+        ([feature([[0, 0], [100, 50]], None)], BadGeometry, "contour 0: has no height"),
+        ([feature([[0, 0], [99, 9]]), feature([[5, 5]])], BadGeometry, "contour 1: has one vertex only"),
+        ([feature([[0, 0, 1], [100, 50, 2]], None)], BadGeometry, "changes its height"),
+        ([], UnreadableFile, "no contour lines"),
+        ([{"geometry": {"type": "Point", "coordinates": [0, 0]}}], UnreadableFile, "feature 0 is a Point"),
+    ],
+)
+def test_a_faulty_contour_is_named_by_number(tmp_path, features, error, words):
+    with pytest.raises(error, match=words):
+        read_contours(written(tmp_path, features))
+
+
+def test_degrees_are_refused(tmp_path):
+    with pytest.raises(UnreadableFile, match="degrees"):
+        read_contours(written(tmp_path, [feature([[8.5, 47.1], [8.6, 47.2]])], crs=None))
+
+
+def test_a_named_attribute_has_to_be_there(tmp_path):
+    path = written(tmp_path, [feature([[0, 0], [100, 50]], 7.0, "HOEHE_M")])
+    assert read_contours(path, attribute="HOEHE_M").heights.tolist() == [7.0]
+    with pytest.raises(BadOption, match="--attribute"):
+        read_contours(path, attribute="LEVEL")
+
+
+def test_ascii_and_json_grids_give_back_the_heights(tmp_path):
+    grid = mountain_grid(1)
+    north_first = grid.heights[::-1]
+    table = "\n".join(" ".join(repr(float(z)) for z in row) for row in north_first)
+    asc = tmp_path / "grid.asc"
+    asc.write_text(f"ncols 61\nnrows 45\nxllcorner -5\nyllcorner -5\ncellsize 10\nnodata_value -9999\n{table}\n")
+    rows = tmp_path / "grid.json"
+    rows.write_text(json.dumps({"width": 61, "height": 45, "values": north_first.ravel().tolist()}))
+    for path in (asc, rows):
+        again = read_height_grid(path)
+        np.testing.assert_allclose(again.heights, grid.heights)
+        np.testing.assert_allclose(again.x, grid.x)
+        np.testing.assert_allclose(again.y, grid.y)
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[1, 2]", "words"])
+def test_a_file_that_holds_no_grid_is_refused(tmp_path, content):
+    for ending in (".asc", ".json"):
+        path = tmp_path / f"grid{ending}"
+        path.write_text(content)
+        with pytest.raises(UnreadableFile):
+            read_height_grid(path)
+
+
+def test_unknown_endings_are_refused():
+    with pytest.raises(UnsupportedFormat):
+        read_contours("map.xyz")
+    with pytest.raises(UnsupportedFormat):
+        read_height_grid("map.xyz")
+
+
+def test_contours_of_whole_heights_do_not_touch():
+    grid = mountain_grid(2)
+    contours = contour_grid(HeightGrid(grid.x, grid.y, np.round(grid.heights)), 10.0)
+    points = np.concatenate(contours.lines)
+    assert len(np.unique(points.round(6), axis=0)) == contours.n_points
+
+
+def test_a_grid_with_voids_is_refused_with_the_place():
+    grid = mountain_grid(2)
+    heights = grid.heights.copy()
+    heights[3, 4] = np.nan
+    with pytest.raises(BadGeometry, match=r"1 cells hold no height, the first at \(40.0, 30.0\)"):
+        contour_grid(HeightGrid(grid.x, grid.y, heights), 10.0)
+
+
+@pytest.mark.parametrize("interval", [0.0, -5.0, float("nan"), 1e6])
+def test_an_interval_has_to_give_contours(interval):
+    with pytest.raises(BadOption, match="--interval"):
+        contour_grid(mountain_grid(1), interval)
