@@ -42,6 +42,7 @@ WALLS = 4
 SPACING = 0.35  # mm between stations
 FEWEST = 240  # stations
 STEP = 0.15  # mm between the points of both chains that are paired
+PACE = 0.3  # what a millimetre of uneven pace along the chains counts beside one of the rungs
 EVEN = 0.1  # share of an even pace in the pairs: no station stands still while the other chain goes on
 ON_SHEET = 1e-3  # mm by which the fracture may leave the face between stations
 HALVINGS = 4  # of the steps between stations where it does
@@ -183,7 +184,13 @@ def _chain(trimmed: TrimmedSurface, places: Floats) -> _Chain:
 def _pairs(outer: _Chain, inner: _Chain) -> Floats:
     """(k + 1, 2) lengths along both chains at the stations, from L to R."""
     even = [np.linspace(0.0, chain.length, max(FEWEST, round(chain.length / STEP))) for chain in (outer, inner)]
-    path = ribbon(outer.points(even[0]), inner.points(even[1]))
+    # on a round bead all rungs are as good as each other: an even pace on both chains decides
+    mean = 0.5 * (outer.length + inner.length)
+    paced = [
+        np.column_stack([chain.points(row), PACE * mean * row / chain.length])
+        for chain, row in zip((outer, inner), even)
+    ]
+    path = ribbon(*paced)
     lengths = np.stack([row[number] for row, number in zip(even, path.T)], axis=1)
     thick = np.linalg.norm(outer.points(lengths[:, 0]) - inner.points(lengths[:, 1]), axis=1).mean()
     # averaged over a stretch as long as the wall is thick: rungs that turn faster cut each other

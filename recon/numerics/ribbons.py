@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 __all__ = ["fold_point", "ribbon"]
 
+END = 4.0  # widths of a ribbon along its end: half a circle takes 1.6, a bead twice as thick as the ribbon 5
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -34,12 +36,22 @@ def ribbon(a: Floats, b: Floats) -> Ints:
 
 
 def fold_point(points: Floats) -> int:
-    """Number of the point in which evenly spaced points (n, d), folded to a ribbon, are folded."""
+    """Number of the point in which evenly spaced points (n, d), folded to a ribbon, are folded.
+
+    Promises  the middle of the ribbon's end, `END` times as long as the ribbon is wide: how the rungs lie within a
+              round end, or a bead, says nothing.
+    """
     n = len(points)
     # among folds that are as good the first is found from one end, the last from the other
     first = int(np.argmin(_shortest(points, points[::-1], n - 1)[0]))
     last = n - 1 - int(np.argmin(_shortest(points[::-1], points, n - 1)[0]))
-    return (first + last) // 2
+    fold = (first + last) // 2
+    path = ribbon(points[: fold + 1], points[: fold - n : -1] if fold < n - 1 else points[-1:])
+    rungs = np.stack([path[:, 0], n - 1 - path[:, 1]], axis=1)
+    width = float(np.median(np.linalg.norm(points[rungs[:, 0]] - points[rungs[:, 1]], axis=1)))
+    step = float(np.linalg.norm(np.diff(points, axis=0), axis=1).mean())
+    ends = rungs[(rungs[:, 1] - rungs[:, 0]) * step >= END * width]
+    return int(ends[-1].mean()) if len(ends) else fold
 
 
 def _shortest(a: Floats, b: Floats, steps: int) -> tuple[Floats, list[NDArray[np.bool_]]]:

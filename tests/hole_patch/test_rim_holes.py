@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from recon.geometry.trimmed import LipPiece, TrimmedSurface
 from recon.hole_patch.hole_edges import Cycle
 from recon.hole_patch.open_rims import excursions
-from recon.hole_patch.pipeline import MissingPiece, patch_hole
+from recon.hole_patch.pipeline import MissingPiece, PatchOptions, Relief, patch_hole
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
 from recon.hole_patch.sherds import find_holes
 from recon.hole_patch.surroundings import Axis, HoleKind
@@ -58,6 +58,12 @@ def test_the_edge_of_the_piece_lies_on_the_lost_sherd(kind: str) -> None:
     away = cKDTree(truth).query(face.surface.point(face.loops[0].polygon()))[0]
     assert np.median(away) < 0.5 * OPTIONS.edge
     assert np.quantile(away, 0.9) < 1.2 * OPTIONS.edge
+
+
+def test_relief_over_the_lip_is_left_out_and_said_so() -> None:
+    smooth = patch_hole(vessel().sherds, PatchOptions(relief=Relief.CONTINUE))
+    assert smooth.relief is None
+    assert any("over the lip" in note for note in smooth.notes)
 
 
 def slanted_rim(gap: float) -> Cycle:

@@ -33,10 +33,17 @@ def test_a_hairpin_is_folded_at_its_tip(lean):
     away = np.maximum(np.abs(t) - np.pi, 0.0)
     hairpin = np.stack([away + 2 * (1 - np.cos(turn)), 2 * np.sin(turn)], axis=1)
     bent = hairpin + np.stack([0 * t, lean * (hairpin[:, 0] / 30) ** 2], axis=1)
-    assert abs(fold_point(bent) - 600) <= 63  # on the round of the tip, which is 126 steps long
+    assert abs(fold_point(bent) - 600) <= 10
 
 
 def test_within_a_polygon():
     square = np.array([[0, 0], [2, 0], [2, 2], [0, 2.0]])
     points = np.random.default_rng(0).uniform(-1, 3, (500, 2))
     assert_allclose(within(square, points), ((points > 0) & (points < 2)).all(axis=1))
+
+
+def test_a_bead_is_folded_at_its_top():
+    turn = np.linspace(-2.3, 2.3, 461)  # a circle of radius 3 on a wall 4.5 thick
+    bead = 3 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    wall = np.stack([np.linspace(-20, bead[0, 0], 600, endpoint=False), np.full(600, bead[0, 1])], axis=1)
+    assert abs(fold_point(np.concatenate([wall, bead, wall[::-1] * [1, -1]])) - 830) <= 10
