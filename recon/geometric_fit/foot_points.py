@@ -34,7 +34,7 @@ __all__ = ["Feet", "nearest_feet", "seed_feet", "walk_feet"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ROUGH, EXACT = 1e-4, 1e-9  # how far a foot may still have to go, as a share of the size of the data
+ROUGH, EXACT = 1e-5, 1e-9  # how far a foot may still have to go, as a share of the size of the data
 SEEDS = ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))  # of the samples (v, w) in each patch
 
 

@@ -21,7 +21,7 @@ from recon.geometric_fit.sheets import Sheets, VertexKind, cut_along_creases
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 
-__all__ = ["LimitPatches", "limit_patches", "limit_points", "tessellate"]
+__all__ = ["LimitPatches", "limit_patches", "limit_points", "tessellate", "tessellation_places"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -148,12 +148,12 @@ def tessellate(mesh: ControlMesh, *, halvings: int = 2, patches: LimitPatches | 
     Vertices on creases come once for each side.
     """
     found = patches or limit_patches(mesh)
-    face, v, w, triangles = _tessellation(found.sheets, halvings - 1)
+    face, v, w, triangles = tessellation_places(found.sheets, halvings - 1)
     points = points_at(found.arrays, found.points @ mesh.vertices, face, v, w, 1)[:, 0]
     return TriangleMesh(points, triangles, "limit surface")
 
 
-def _tessellation(sheets: Sheets, halvings: int) -> tuple[Ints, Floats, Floats, Ints]:
+def tessellation_places(sheets: Sheets, halvings: int) -> tuple[Ints, Floats, Floats, Ints]:
     """Places (patch, v, w), one a vertex, and (T, 3) triangles over them."""
     n = 1 << halvings
     i, j = (x.ravel() for x in np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij"))
@@ -165,27 +165,25 @@ def _tessellation(sheets: Sheets, halvings: int) -> tuple[Ints, Floats, Floats, 
     down = [(number[a + 1, b], number[a + 1, b + 1], number[a, b + 1]) for a in range(n) for b in range(n - 1 - a)]
     local = np.array(up + down, dtype=np.int64)
     keys = _shared_keys(sheets, np.stack([n - i - j, i, j], axis=1), n)
-    _, first, vertex = np.unique(keys.reshape(-1, keys.shape[-1]), axis=0, return_index=True, return_inverse=True)
+    _, first, vertex = np.unique(keys, return_index=True, return_inverse=True)
     patch, place = np.divmod(first, len(i))
     triangles = vertex.reshape(len(sheets.faces), len(i))[:, local].reshape(-1, 3)
     return patch, i[place] / n, j[place] / n, triangles.astype(np.int64)
 
 
 def _shared_keys(sheets: Sheets, bary: Ints, n: int) -> Ints:
-    """(C, m, 3) the same key for the same place of neighbouring patches: by vertex, by edge and share, by patch."""
-    n_patches = len(sheets.faces)
-    keys = np.empty((n_patches, len(bary), 3), dtype=np.int64)
-    keys[..., 0], keys[..., 1], keys[..., 2] = 2, np.arange(n_patches)[:, None], np.arange(len(bary))
+    """(C, m) the same number for the same place of neighbouring patches: by vertex, by edge and share, by patch."""
+    n_patches, n_vertices = sheets.faces.shape[0], len(sheets.kinds)
+    after_edges = n_vertices + sheets.across.size * (n + 1)
+    keys = after_edges + np.arange(n_patches * len(bary)).reshape(n_patches, -1)
     own = np.arange(sheets.across.size).reshape(sheets.across.shape)
     for side in range(3):
         on = bary[:, (side + 2) % 3] == 0
         share = bary[on, (side + 1) % 3]
         other = sheets.across[:, side]
         low = np.where(other < 0, own[:, side], np.minimum(own[:, side], other))
-        keys[:, on, 0], keys[:, on, 1] = 1, low[:, None]
-        keys[:, on, 2] = np.where((low == own[:, side])[:, None], share, n - share)
+        along = np.where((low == own[:, side])[:, None], share, n - share)
+        keys[:, on] = n_vertices + low[:, None] * (n + 1) + along
     for corner in range(3):
-        at = bary[:, corner] == n
-        keys[:, at, 0], keys[:, at, 2] = 0, 0
-        keys[:, at, 1] = sheets.faces[:, corner, None]
+        keys[:, bary[:, corner] == n] = sheets.faces[:, corner, None]
     return keys

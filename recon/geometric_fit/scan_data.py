@@ -1,0 +1,111 @@
+"""What is known of the scan: its points, more points on its large triangles, and how near it is from anywhere.
+
+A scan says nothing between its points but what its triangles say. Where they are large against the control mesh, as
+over holes that were filled, a surface through the points alone may stray; so large triangles are sampled:
+
+       .                       .
+      / \\                     /.\\        measured points first, each with weight 1;
+     /   \\        -->        /. .\\       then samples inside, which together weigh
+    /     \\                 /. . .\\      SAMPLE_WEIGHT of a measured point each
+   .-------.               .-------.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from recon.geometry.mesh import TriangleMesh
+from recon.numerics.halfedges import edge_table, vertex_normals
+
+__all__ = ["ScanData", "fold_places", "scan_data"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SAMPLE_WEIGHT = 0.25
+FOLD = 0.0  # cosine of the angle between neighbouring normals from which on an edge is a fold: 90 degrees
+
+
+@dataclass(frozen=True, eq=False)
+class ScanData:
+    """Points to fit, and the scan they come from.
+
+    mesh        the scan
+    points      (N, 3) the scan's vertices that faces use, then samples on its large triangles
+    weights     (N,) how much each counts
+    normals     (N, 3) unit normals of the scan there
+    n_measured  how many of the points are vertices
+    diagonal    of the box around the scan
+    """
+
+    mesh: TriangleMesh
+    points: Floats
+    weights: Floats
+    normals: Floats
+    n_measured: int
+    diagonal: float
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Search tree over the points."""
+        return cKDTree(self.points, balanced_tree=False, compact_nodes=False)
+
+    @cached_property
+    def folds(self) -> Floats:
+        """(m, 3) middles of the edges at which the scan itself folds."""
+        return fold_places(self.mesh.vertices, self.mesh.face_vertices)
+
+
+def scan_data(mesh: TriangleMesh, n_control: int) -> ScanData:
+    """The points to fit with about `n_control` control points: three samples to a control edge where there are fewer.
+
+    Vertices that no face uses are left out.
+    """
+    used = np.unique(mesh.face_vertices)
+    vertices = mesh.vertices[used]
+    normals = vertex_normals(mesh.vertices, mesh.face_vertices)[used]
+    area_vectors = mesh.area_vectors()
+    area = np.linalg.norm(area_vectors, axis=1)
+    # a control face of an even mesh: twice as many faces as points
+    spacing = np.sqrt(area.sum() / (2.0 * n_control) * 4.0 / np.sqrt(3.0)) / 3.0
+    samples, face = _samples_on_large(mesh, spacing)
+    facing = area_vectors[face] / np.maximum(area[face, None], 1e-300)
+    return ScanData(
+        mesh,
+        np.concatenate([vertices, samples]),
+        np.concatenate([np.ones(len(vertices)), np.full(len(samples), SAMPLE_WEIGHT)]),
+        np.concatenate([normals, facing]),
+        len(vertices),
+        float(np.linalg.norm(np.ptp(vertices, axis=0))),
+    )
+
+
+def _samples_on_large(mesh: TriangleMesh, spacing: float) -> tuple[Floats, Ints]:
+    """(m, 3) points about `spacing` apart inside every triangle with a longer side, and (m,) their faces."""
+    corners = mesh.corners()
+    sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    pieces = np.minimum(np.ceil(sides.max(axis=1) / spacing), 64).astype(np.int64)
+    points, faces = [np.empty((0, 3))], [np.empty(0, dtype=np.int64)]
+    for n in np.unique(pieces[pieces > 1]).tolist():
+        chosen = np.flatnonzero(pieces == n)
+        i, j = np.indices((n, n)).reshape(2, -1)
+        inside = i + j < n
+        v, w = (i[inside] + 1 / 3) / n, (j[inside] + 1 / 3) / n
+        bary = np.stack([1.0 - v - w, v, w], axis=1)
+        points.append(np.einsum("mk,fkx->fmx", bary, corners[chosen]).reshape(-1, 3))
+        faces.append(np.repeat(chosen, len(v)))
+    return np.concatenate(points), np.concatenate(faces)
+
+
+def fold_places(vertices: Floats, faces: Ints) -> Floats:
+    """(m, 3) middles of the edges whose two faces have normals over 90 degrees apart."""
+    table = edge_table(faces)
+    edge, face = table.edge_faces()
+    pair = np.flatnonzero(edge[1:] == edge[:-1])
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    turned = np.einsum("ij,ij->i", normal[face[pair]], normal[face[pair + 1]]) < FOLD
+    return vertices[table.edges[edge[pair[turned]]]].mean(axis=1)
