@@ -18,17 +18,16 @@ from scipy.spatial import cKDTree
 from recon.geometric_fit.evaluation import points_at
 from recon.geometric_fit.foot_points import Feet
 from recon.geometric_fit.limit_surface import LimitPatches, tessellation_places
-from recon.geometric_fit.scan_data import ScanData, fold_places
+from recon.geometric_fit.scan_data import ScanData
 from recon.geometry.control_mesh import ControlMesh
-from recon.numerics.halfedges import edge_table, vertex_adjacency
+from recon.numerics.halfedges import edge_table
 
-__all__ = ["Strays", "fold_control_points", "fairness", "stray_samples"]
+__all__ = ["Strays", "fairness", "fold_control_points", "neighbour_means", "stray_samples"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-STRAY = 2.5  # times the root mean square error from where on a sample of the surface strays
 SAME_PLACE = 0.005  # share of the diagonal within which a fold of the scan excuses a fold of the surface
 SAMPLES = ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))
 
@@ -80,27 +79,22 @@ def fold_control_points(mesh: ControlMesh, patches: LimitPatches, points: Floats
 
 
 def fairness(mesh: ControlMesh, stiffness: Floats) -> sparse.csr_array:
-    """(V, V) energy of the control mesh: each point's distance from its neighbours' mean, squared, times stiffness.
+    """(V, V) energy of the control mesh: each point's distance from its neighbours' mean, squared, times stiffness."""
+    umbrella = sparse.csr_array(neighbour_means(mesh) - sparse.eye_array(mesh.n_vertices))
+    return sparse.csr_array(umbrella.T @ sparse.diags_array(stiffness) @ umbrella)
 
-    On creases and borders only the neighbours along them count.
-    """
-    faces = mesh.faces_of(3)
-    n = mesh.n_vertices
+
+def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
+    """(V, V) mean of the neighbours of every control point; on creases and borders of those along them."""
+    faces, n = mesh.faces_of(3), mesh.n_vertices
     table = edge_table(faces)
-    edges = table.edges
-    sharp = table.uses == 1
     creases = np.sort(mesh.crease_edges, axis=1)
-    sharp |= np.isin(edges[:, 0] * n + edges[:, 1], creases[:, 0] * n + creases[:, 1])
+    edges = table.edges
+    sharp = (table.uses == 1) | np.isin(edges[:, 0] * n + edges[:, 1], creases[:, 0] * n + creases[:, 1])
     on_sharp = np.zeros(n, dtype=bool)
     on_sharp[edges[sharp]] = True
-    joined = sparse.coo_array(vertex_adjacency(faces, n))
-    along = sparse.csr_array(
-        sparse.coo_array((np.ones(sharp.sum()), (edges[sharp, 0], edges[sharp, 1])), shape=(n, n))
-    )
-    along = sparse.csr_array(along + along.T)
-    free = sparse.csr_array(sparse.diags_array((~on_sharp).astype(np.float64)) @ joined)
-    links = sparse.csr_array(free + sparse.diags_array(on_sharp.astype(np.float64)) @ along)
+    start, end = np.concatenate([edges, edges[:, ::-1]]).T
+    counts = ~on_sharp[start] | np.tile(sharp, 2)
+    links = sparse.csr_array(sparse.coo_array((np.ones(counts.sum()), (start[counts], end[counts])), shape=(n, n)))
     degree = np.asarray(links.sum(axis=1)).ravel()
-    mean = sparse.diags_array(np.divide(1.0, degree, out=np.zeros(n), where=degree > 0)) @ links
-    umbrella = sparse.csr_array(mean - sparse.diags_array((degree > 0).astype(np.float64)))
-    return sparse.csr_array(umbrella.T @ sparse.diags_array(stiffness) @ umbrella)
+    return sparse.csr_array(sparse.diags_array(1.0 / np.maximum(degree, 1.0)) @ links)

@@ -155,9 +155,7 @@ def _keeps_shape(x: Floats, corners: tuple[int, int, int, int], most_turn: float
 
 
 @njit(cache=True)
-def _flip_all(
-    faces: Ints, across: Ints, sharp: Bools, x: Floats, passes: int, most_turn: float, worst: float
-) -> None:
+def _flip_all(faces: Ints, across: Ints, sharp: Bools, x: Floats, passes: int, most_turn: float, worst: float) -> None:
     """Flip in place, pass after pass, until no edge is left that gains."""
     surplus = np.full(len(x), -6)
     for side in range(len(faces)):

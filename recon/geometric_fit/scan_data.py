@@ -26,6 +26,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SAMPLE_WEIGHT = 0.25
+MOST_PIECES = 64  # into which the side of a triangle is cut
 FOLD = 0.0  # cosine of the angle between neighbouring normals from which on an edge is a fold: 90 degrees
 
 
@@ -60,7 +61,7 @@ class ScanData:
 
 
 def scan_data(mesh: TriangleMesh, n_control: int) -> ScanData:
-    """The points to fit with about `n_control` control points: three samples to a control edge where there are fewer.
+    """The points to fit with about `n_control` control points; triangles as large as a control face are sampled.
 
     Vertices that no face uses are left out.
     """
@@ -70,8 +71,8 @@ def scan_data(mesh: TriangleMesh, n_control: int) -> ScanData:
     area_vectors = mesh.area_vectors()
     area = np.linalg.norm(area_vectors, axis=1)
     # a control face of an even mesh: twice as many faces as points
-    spacing = np.sqrt(area.sum() / (2.0 * n_control) * 4.0 / np.sqrt(3.0)) / 3.0
-    samples, face = _samples_on_large(mesh, spacing)
+    control_edge = np.sqrt(area.sum() / (2.0 * n_control) * 4.0 / np.sqrt(3.0))
+    samples, face = _samples_on_large(mesh, control_edge)
     facing = area_vectors[face] / np.maximum(area[face, None], 1e-300)
     return ScanData(
         mesh,
@@ -83,11 +84,12 @@ def scan_data(mesh: TriangleMesh, n_control: int) -> ScanData:
     )
 
 
-def _samples_on_large(mesh: TriangleMesh, spacing: float) -> tuple[Floats, Ints]:
-    """(m, 3) points about `spacing` apart inside every triangle with a longer side, and (m,) their faces."""
+def _samples_on_large(mesh: TriangleMesh, control_edge: float) -> tuple[Floats, Ints]:
+    """(m, 3) points half a control edge apart inside every triangle with a side above one, and (m,) their faces."""
     corners = mesh.corners()
-    sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-    pieces = np.minimum(np.ceil(sides.max(axis=1) / spacing), 64).astype(np.int64)
+    longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
+    pieces = np.clip(np.ceil(2.0 * longest / control_edge), 1, MOST_PIECES).astype(np.int64)
+    pieces[longest <= control_edge] = 1
     points, faces = [np.empty((0, 3))], [np.empty(0, dtype=np.int64)]
     for n in np.unique(pieces[pieces > 1]).tolist():
         chosen = np.flatnonzero(pieces == n)

@@ -94,7 +94,7 @@ def _rows(
     filled = 0
     for i in range(len(patch)):
         size = patch_weights(patches, patch[i], v[i], w[i], 1, b, c)
-        first, begin = patches.support_starts[patch[i]], filled
+        first = patches.support_starts[patch[i]]
         for j in range(size):
             point = patches.support[first + j]
             for k in range(row_starts[point], row_starts[point + 1]):
@@ -159,7 +159,9 @@ def tangent_distance_move(
 
 
 @njit(cache=True, nogil=True)
-def _data_side(rows: BasisRows, residuals: Floats, normals: Floats, weights: Floats, mu: float, n_control: int) -> Floats:
+def _data_side(
+    rows: BasisRows, residuals: Floats, normals: Floats, weights: Floats, mu: float, n_control: int
+) -> Floats:
     """A^T H r, (V, 3)."""
     out = np.zeros((n_control, 3))
     for i in range(len(residuals)):
