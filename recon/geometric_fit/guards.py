@@ -13,16 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.spatial import cKDTree
 
-from recon.geometric_fit.evaluation import points_at
 from recon.geometric_fit.foot_points import Feet
 from recon.geometric_fit.limit_surface import LimitPatches, tessellation_places
 from recon.geometric_fit.scan_data import ScanData
+from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import edge_table
 
-__all__ = ["Strays", "fairness", "fold_control_points", "neighbour_means", "stray_samples"]
+__all__ = ["Guards", "Strays", "fairness", "neighbour_means"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,39 +42,58 @@ class Strays(NamedTuple):
     targets: Floats
 
 
-def stray_samples(patches: LimitPatches, points: Floats, scan: ScanData, allowed: float) -> Strays:
-    """The samples of the surface that are farther from the scan than `allowed`, a length."""
-    n_patches = len(patches.sheets.faces)
-    patch = np.repeat(np.arange(n_patches), len(SAMPLES))
-    v, w = np.tile(np.array(SAMPLES), (n_patches, 1)).T.copy()
-    places = points_at(patches.arrays, points, patch, v, w, 1)[:, 0]
-    distance, nearest = scan.tree.query(places)
-    away = places - scan.points[nearest]
-    height = np.abs(np.einsum("ij,ij->i", away, scan.normals[nearest]))
-    # beside its nearest point a sample may be as far as the points are apart: only the height over the scan counts
-    beside = np.sqrt(np.maximum(distance**2 - height**2, 0.0))
-    far = np.flatnonzero((height > allowed) | (beside > 4.0 * np.quantile(beside, 0.95)))
-    feet = Feet(patch[far], v[far], w[far], places[far], scan.normals[nearest[far]])
-    return Strays(feet, scan.points[nearest[far]])
+class Guards:
+    """Both guards for one control mesh; what depends on its connections alone is made once."""
+
+    def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
+        self._scan, self._faces, self._n_control = scan, mesh.faces_of(3), mesh.n_vertices
+        n_patches = len(patches.sheets.faces)
+        patch = np.repeat(np.arange(n_patches), len(SAMPLES))
+        v, w = np.tile(np.array(SAMPLES), (n_patches, 1)).T.copy()
+        self._samples = _feet_at(patch, v, w)
+        self._to_samples = basis_rows(patches, self._samples).matrix(self._n_control)
+        patch, v, w, self._triangles = tessellation_places(patches.sheets, 1)
+        self._to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
+        table = edge_table(self._triangles)
+        edge, face = table.edge_faces()
+        pair = np.flatnonzero(edge[1:] == edge[:-1])
+        self._ends, self._one, self._two = table.edges[edge[pair]], face[pair], face[pair + 1]
+
+    def strays(self, control_points: Floats, allowed: float) -> Strays:
+        """The samples of the surface that are farther from the scan than `allowed`, a length."""
+        scan, places = self._scan, self._to_samples @ control_points
+        distance, nearest = scan.tree.query(places)
+        away = places - scan.points[nearest]
+        height = np.abs(np.einsum("ij,ij->i", away, scan.normals[nearest]))
+        # the height over the nearest point's plane is a first guess; far beside that point it says little
+        beside = distance**2 - height**2 > 9.0 * np.median(distance) ** 2
+        far = np.flatnonzero((height > allowed) | (beside & (distance > allowed)))
+        target, face = scan.nearest_on_triangles_at(places[far], nearest[far])
+        off = np.linalg.norm(places[far] - target, axis=1) > allowed
+        far, target, face = far[off], target[off], face[off]
+        normals = scan.area_vectors[face]
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        at = self._samples
+        return Strays(Feet(at.patch[far], at.v[far], at.w[far], places[far], normals), target)
+
+    def folded(self, control_points: Floats) -> Bools:
+        """(V,) the control points of faces with a fold that the scan does not have."""
+        corners = self._to_corners @ control_points
+        a, b, c = corners[self._triangles].transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        turned = np.flatnonzero(np.einsum("ij,ij->i", normal[self._one], normal[self._two]) < 0.0)
+        if len(self._scan.folds) and len(turned):
+            middle = corners[self._ends[turned]].mean(axis=1)
+            turned = turned[self._scan.fold_tree.query(middle)[0] > SAME_PLACE * self._scan.diagonal]
+        folded = np.zeros(self._n_control, dtype=bool)
+        per_face = len(self._triangles) // len(self._faces)
+        folded[self._faces[np.concatenate([self._one[turned], self._two[turned]]) // per_face]] = True
+        return folded
 
 
-def fold_control_points(mesh: ControlMesh, patches: LimitPatches, points: Floats, scan: ScanData) -> Bools:
-    """(V,) the control points of faces with a fold that the scan does not have."""
-    patch, v, w, triangles = tessellation_places(patches.sheets, 1)
-    vertices = points_at(patches.arrays, points, patch, v, w, 1)[:, 0]
-    table = edge_table(triangles)
-    edge, face = table.edge_faces()
-    pair = np.flatnonzero(edge[1:] == edge[:-1])
-    a, b, c = vertices[triangles].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    turned = pair[np.einsum("ij,ij->i", normal[face[pair]], normal[face[pair + 1]]) < 0.0]
-    middle = vertices[table.edges[edge[turned]]].mean(axis=1)
-    if len(scan.folds) and len(middle):
-        turned = turned[cKDTree(scan.folds).query(middle)[0] > SAME_PLACE * scan.diagonal]
-    folded = np.zeros(mesh.n_vertices, dtype=bool)
-    per_face = len(triangles) // mesh.n_faces
-    folded[mesh.faces_of(3)[np.concatenate([face[turned], face[turned + 1]]) // per_face]] = True
-    return folded
+def _feet_at(patch: Ints, v: Floats, w: Floats) -> Feet:
+    nowhere = np.empty((len(patch), 3))
+    return Feet(patch, v, w, nowhere, nowhere)
 
 
 def fairness(mesh: ControlMesh, stiffness: Floats) -> sparse.csr_array:

@@ -16,22 +16,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from recon.errors import BadOption, NoSurface
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.evaluation import points_at
-from recon.geometric_fit.foot_points import Feet, nearest_feet, walk_feet
-from recon.geometric_fit.guards import (
-    Strays,
-    fairness,
-    fold_control_points,
-    neighbour_means,
-    stray_samples,
-)
+from recon.geometric_fit.foot_points import EXACT, Feet, nearest_feet, walk_feet
+from recon.geometric_fit.guards import Guards, Strays, fairness, neighbour_means
 from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.limit_surface import LimitPatches, limit_patches
 from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
-from recon.geometric_fit.scan_data import ScanData, scan_data
+from recon.geometric_fit.scan_data import scan_data
 from recon.geometric_fit.updates import Pull, Update, Updater
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
@@ -46,9 +41,10 @@ CYCLES, ROUNDS, LAST_ROUNDS = 4, 4, 6  # refinements, rounds before each, rounds
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
 FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the data's
 STIFFER, STIFFEST = 4.0, 64.0  # times stiffer where the surface folds, in one round and in all
-STRAY, STRAY_WEIGHT = 2.5, 0.5  # rms errors from where on surface strays, and what one sample of it weighs
+STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
 GROWTH = 1.5  # times more control points a cycle, where only a tolerance is given
 STAGNATION = 0.01  # a cycle that lowers neither error by this share brings no more
+HALVINGS = 3  # of a step that folds the surface
 UNFOLDINGS = 12
 
 
@@ -110,7 +106,9 @@ def fit_surface(
     chosen = options or FitOptions()
     if scan.n_faces < 4:
         raise NoSurface(f"{scan.name} has {scan.n_faces} triangles; a surface cannot be fitted to so few.")
-    return _Fit(scan, chosen, doing).run()
+    # the matrices are small: threads of the linear algebra library wait for each other longer than they work
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _Fit(scan, chosen, doing).run()
 
 
 class _Fit:
@@ -131,12 +129,12 @@ class _Fit:
         while stopped is None:
             final = self._options.plain or mesh.n_vertices >= self._limit
             mesh, patches, feet = self._settled(mesh, cycle, LAST_ROUNDS if final else ROUNDS)
-            errors = self._record[-1].errors
+            errors = norms(self._distances(feet), self._scan.diagonal)
             stopped = self._end(errors, last, final)
             if stopped is None:
                 last, cycle = errors, cycle + 1
                 mesh = self._refined(mesh, feet, cycle)
-        return self._finished(mesh, patches, stopped)
+        return self._finished(mesh, patches, feet, stopped)
 
     def _first_count(self) -> int:
         if self._options.plain:
@@ -151,33 +149,46 @@ class _Fit:
             return StoppedBy.TOLERANCE
         if final:
             return StoppedBy.ROUNDS if self._options.plain else StoppedBy.CONTROL_POINTS
-        if last is not None and all(now > (1.0 - STAGNATION) * then for now, then in zip(errors[1:], last[1:])):
+        # a number of control points that was asked for is used; growth toward a tolerance ends where it brings nothing
+        if (
+            self._options.control_points is None
+            and last is not None
+            and all(now > (1.0 - STAGNATION) * then for now, then in zip(errors[1:], last[1:]))
+        ):
             return StoppedBy.STAGNATION
         return None
 
     def _settled(self, mesh: ControlMesh, cycle: int, n_rounds: int) -> tuple[ControlMesh, LimitPatches, Feet]:
         """Some rounds on one control mesh: pull, move, find the feet again."""
         scan = self._scan
-        patches, points = limit_patches(mesh), mesh.vertices
+        patches = limit_patches(mesh)
+        guards = Guards(mesh, patches, scan)
+        # a step is only allowed to keep what is not folded so: start without folds
+        points = _unfolded(mesh, guards)[0].vertices
         feet = nearest_feet(patches, patches.points @ points, scan.points, step=1e-5)
         usual = FAIRNESS * scan.n_measured / mesh.n_vertices
         stiffness = np.full(mesh.n_vertices, usual)
-        energy, updater, strays = fairness(mesh, stiffness), Updater(self._options.update), None
+        energy, updater = fairness(mesh, stiffness), Updater(self._options.update)
+        strays: Strays | None = None
+        best = ((mesh.n_vertices + 1, np.inf), points, feet)
         for number in range(n_rounds):
             if number % 2 == 0 or strays is None:
                 allowed = STRAY * float(np.sqrt(np.mean(self._distances(feet) ** 2)))
-                strays = stray_samples(patches, patches.points @ points, scan, allowed)
+                strays = guards.strays(points, allowed)
             pull = self._pull(patches, points, feet, strays)._replace(faces=mesh.faces_of(3), fairness=energy)
-            points = updater.moved(patches, points, pull)
-            folded = fold_control_points(mesh, patches, patches.points @ points, scan)
+            points, folded = _stepped(guards, points, updater.moved(patches, points, pull))
             if folded.any():
                 stiffness[folded] = np.minimum(STIFFER * stiffness[folded], STIFFEST * usual)
                 energy = fairness(mesh, stiffness)
             feet = walk_feet(patches, patches.points @ points, scan.points, feet)
-            self._note(mesh, feet)
+            errors = self._note(mesh, feet)
+            # the largest error jumps from round to round where the scan has two sheets close together
+            merit = (int(folded.sum()), errors.rms * errors.maximum)
+            if merit <= best[0]:
+                best = merit, points, feet
             if cycle > 0:
                 self._reweigh(feet)
-        return mesh.with_vertices(points), patches, feet
+        return mesh.with_vertices(best[1]), patches, best[2]
 
     def _distances(self, feet: Feet) -> Floats:
         """(N,) of the measured points."""
@@ -200,13 +211,14 @@ class _Fit:
         far = np.minimum(distance / max(3.0 * spread, 1e-300), 6.0) ** 2
         self._weights = 0.5 * self._weights + 0.5 * self._scan.weights * (1.0 + far)
 
-    def _note(self, mesh: ControlMesh, feet: Feet) -> None:
+    def _note(self, mesh: ControlMesh, feet: Feet) -> Norms:
         errors = norms(self._distances(feet), self._scan.diagonal)
         self._record.append(Round(len(self._record) + 1, mesh.n_vertices, errors, time.perf_counter() - self._begin))
         self._doing(
             f"round {len(self._record)}: {mesh.n_vertices} control points, rms {errors.rms:.4f} %, "
             f"largest {errors.maximum:.3f} %"
         )
+        return errors
 
     def _refined(self, mesh: ControlMesh, feet: Feet, cycle: int) -> ControlMesh:
         """More control points where the error is, and even valences again."""
@@ -227,12 +239,15 @@ class _Fit:
         _, first = np.unique(order, return_index=True)
         return order[np.sort(first)]
 
-    def _finished(self, mesh: ControlMesh, patches: LimitPatches, stopped: StoppedBy) -> FittedSurface:
+    def _finished(self, mesh: ControlMesh, patches: LimitPatches, feet: Feet, stopped: StoppedBy) -> FittedSurface:
         scan = self._scan
-        mesh, folds = _unfolded(mesh, patches, scan)
+        mesh, folds = _unfolded(mesh, Guards(mesh, patches, scan))
         measured = scan.points[: scan.n_measured]
-        feet = nearest_feet(patches, patches.points @ mesh.vertices, measured)
-        distances = np.linalg.norm(feet.positions - measured, axis=1)
+        points = patches.points @ mesh.vertices
+        warm = Feet(*(part[: scan.n_measured] for part in feet))
+        found = (nearest_feet(patches, points, measured), walk_feet(patches, points, measured, warm, step=EXACT))
+        # two starts, as either may end at a point that is nearest only among its neighbours
+        distances = np.minimum(*(np.linalg.norm(each.positions - measured, axis=1) for each in found))
         errors = norms(distances, scan.diagonal)
         return FittedSurface(mesh, distances, errors, scan.diagonal, tuple(self._record), stopped, folds)
 
@@ -243,11 +258,30 @@ def _most_control_points(scan: TriangleMesh, options: FitOptions) -> int:
     return max(scan.n_vertices // (3 if options.tolerance is not None else 20), 4)
 
 
-def _unfolded(mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> tuple[ControlMesh, int]:
+def _stepped(guards: Guards, old: Floats, new: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """The control points after the step, shortened where it would fold the surface, and which of them still fold.
+
+    Where halving does not help, the step is taken back: what did not fold before does not fold after.
+    """
+    kept = np.zeros(len(old), dtype=bool)
+    folded = guards.folded(new)
+    for number in range(2 * HALVINGS):
+        if not folded.any():
+            break
+        if number < HALVINGS:
+            new = np.where(folded[:, None], 0.5 * (old + new), new)
+        else:
+            kept |= folded
+            new = np.where(kept[:, None], old, new)
+        folded = guards.folded(new)
+    return new, folded
+
+
+def _unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
     """Control points of faces that still fold go toward their neighbours' mean until none does, or it does not help."""
     means, points = neighbour_means(mesh), mesh.vertices
     for _ in range(UNFOLDINGS):
-        folded = fold_control_points(mesh, patches, patches.points @ points, scan)
+        folded = guards.folded(points)
         if not folded.any():
             break
         points = np.where(folded[:, None], 0.5 * (points + means @ points), points)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from recon.geometry.mesh import TriangleMesh
+from recon.numerics.distance import nearest_on_triangles
 from recon.numerics.halfedges import edge_table, vertex_normals
 
 __all__ = ["ScanData", "fold_places", "scan_data"]
@@ -25,7 +26,7 @@ __all__ = ["ScanData", "fold_places", "scan_data"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SAMPLE_WEIGHT = 0.25
+SAMPLE_WEIGHT = 0.05
 MOST_PIECES = 64  # into which the side of a triangle is cut
 FOLD = 0.0  # cosine of the angle between neighbouring normals from which on an edge is a fold: 90 degrees
 
@@ -38,6 +39,7 @@ class ScanData:
     points      (N, 3) the scan's vertices that faces use, then samples on its large triangles
     weights     (N,) how much each counts
     normals     (N, 3) unit normals of the scan there
+    sampled_faces  (N - n_measured,) the triangle of every sample
     n_measured  how many of the points are vertices
     diagonal    of the box around the scan
     """
@@ -46,6 +48,7 @@ class ScanData:
     points: Floats
     weights: Floats
     normals: Floats
+    sampled_faces: Ints
     n_measured: int
     diagonal: float
 
@@ -53,6 +56,38 @@ class ScanData:
     def tree(self) -> cKDTree:
         """Search tree over the points."""
         return cKDTree(self.points, balanced_tree=False, compact_nodes=False)
+
+    @cached_property
+    def point_faces(self) -> tuple[Ints, Ints]:
+        """Where the triangles around each point begin, (N + 1,), in the row of all of them."""
+        corner = np.unique(self.mesh.face_vertices, return_inverse=True)[1].ravel()
+        owner = np.concatenate([corner, self.n_measured + np.arange(len(self.sampled_faces))])
+        faces = np.concatenate([np.repeat(np.arange(self.mesh.n_faces), 3), self.sampled_faces])
+        order = np.argsort(owner, kind="stable")
+        starts = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(self.points)))])
+        return starts, faces[order]
+
+    def nearest_on_triangles_at(self, places: Floats, at: Ints) -> tuple[Floats, Ints]:
+        """(n, 3) the nearest point of the triangles around scan point at[i] to place i, and (n,) its triangle."""
+        starts, faces = self.point_faces
+        count = starts[at + 1] - starts[at]
+        query = np.repeat(np.arange(len(at)), count)
+        first = np.cumsum(count) - count
+        face = faces[np.repeat(starts[at] - first, count) + np.arange(len(query))]
+        foot, squared = nearest_on_triangles(places[query], self.mesh.vertices[self.mesh.face_vertices[face]])
+        order = np.lexsort((squared, query))
+        best = order[first]
+        return foot[best], face[best]
+
+    @cached_property
+    def area_vectors(self) -> Floats:
+        """(F, 3) normals of the scan's triangles, as long as their areas."""
+        return self.mesh.area_vectors()
+
+    @cached_property
+    def fold_tree(self) -> cKDTree:
+        """Search tree over the folds."""
+        return cKDTree(self.folds)
 
     @cached_property
     def folds(self) -> Floats:
@@ -79,6 +114,7 @@ def scan_data(mesh: TriangleMesh, n_control: int) -> ScanData:
         np.concatenate([vertices, samples]),
         np.concatenate([np.ones(len(vertices)), np.full(len(samples), SAMPLE_WEIGHT)]),
         np.concatenate([normals, facing]),
+        face,
         len(vertices),
         float(np.linalg.norm(np.ptp(vertices, axis=0))),
     )
