@@ -16,12 +16,14 @@ ENDINGS = CAD_ENDINGS + MESH_ENDINGS
 def check_destinations(request: Mapping[str, Any]) -> None:
     """Every output has a known ending, a folder that exists, and a name of its own; the folder of a demo is made.
 
+    `more_endings` of the request are those that its command alone can write.
     Raises  UnsupportedFormat, BadOption.
     """
     outputs = [Path(path) for path in request["outputs"]]
+    known = (*ENDINGS, *request.get("more_endings", ()))
     for path in outputs:
-        if path.suffix.lower() not in ENDINGS:
-            raise UnsupportedFormat(str(path), ENDINGS)
+        if path.suffix.lower() not in known:
+            raise UnsupportedFormat(str(path), known)
     picture = request.get("picture")
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise UnsupportedFormat(str(picture), (".png",))

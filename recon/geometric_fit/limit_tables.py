@@ -73,7 +73,7 @@ def regular_table() -> Floats:
     to_patch = np.zeros((len(sheets.kinds), 12))
     to_patch[ring, np.arange(12)] = 1.0
     places = {}
-    faces_at = {(0.0, 0.0, 1.0, 0.0, 0.0, 1.0): face}
+    faces_at: dict[tuple[float, ...], int] = {(0.0, 0.0, 1.0, 0.0, 0.0, 1.0): face}
     for _ in range(2):
         step = refine(sheets)
         to_patch, sheets = step.matrix @ to_patch, step.sheets

@@ -71,7 +71,7 @@ def _bezier_nets(mesh: ControlMesh, patches: LimitPatches) -> tuple[Floats, floa
     """(C, 15, 3) Bezier points of every patch, and how far the irregular ones are off."""
     points = patches.points @ mesh.vertices
     n = len(patches.sheets.faces)
-    i, j, k = BEZIER_INDICES.T / 4.0
+    _i, j, k = BEZIER_INDICES.T / 4.0
     values = _values(patches, points, np.arange(n), j, k)
     nets = np.einsum("ab,nbx->nax", np.linalg.inv(quartic_bernstein(j, k)), values)
     irregular = np.flatnonzero(patches.arrays.tables >= 0)

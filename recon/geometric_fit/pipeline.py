@@ -244,7 +244,8 @@ class _Fit:
         mesh, folds = _unfolded(mesh, Guards(mesh, patches, scan))
         measured = scan.points[: scan.n_measured]
         points = patches.points @ mesh.vertices
-        warm = Feet(*(part[: scan.n_measured] for part in feet))
+        n = scan.n_measured
+        warm = Feet(feet.patch[:n], feet.v[:n], feet.w[:n], feet.positions[:n], feet.normals[:n])
         found = (nearest_feet(patches, points, measured), walk_feet(patches, points, measured, warm, step=EXACT))
         # two starts, as either may end at a point that is nearest only among its neighbours
         distances = np.minimum(*(np.linalg.norm(each.positions - measured, axis=1) for each in found))
