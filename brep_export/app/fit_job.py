@@ -1,4 +1,4 @@
-"""The job behind `recon fit`: a scan to a subdivision surface, its control mesh and, where asked for, a kernel shape."""
+"""The job behind `recon fit`: a scan to a subdivision surface: its control mesh and, if asked for, a kernel shape."""
 
 from collections.abc import Mapping
 from functools import partial
