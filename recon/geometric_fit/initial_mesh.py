@@ -3,6 +3,7 @@
 Paper  [garland1997], the error of a collapse as a quadric; [maekawa2009], its use as initial control mesh.
 """
 
+import fast_simplification
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +18,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 BOX = 100.0  # the simplifier compares errors with absolute numbers: scans come to it in one size
-PACES = (3.0, 5.0, 7.0)  # how cautiously it collapses; the next is tried where the last left a tangle
+PACES = (3.0, 5.0, 7.0)  # how fast it raises the error it allows; a slower one may end before the count is reached
+SHARES = (1.0, 0.99, 0.97, 0.94, 0.9, 0.8, 0.7)  # of the count, tried in turn where the last left a tangle
+SPARE = 4  # times the count to which all attempts share the way
 
 
 class NoControlMesh(Refusal):
@@ -31,41 +34,31 @@ def initial_mesh(scan: TriangleMesh, n_vertices: int) -> ControlMesh:
     """
     low, high = scan.vertices.min(axis=0), scan.vertices.max(axis=0)
     scale = BOX / max(float((high - low).max()), 1e-300)
-    boxed = (scan.vertices - low) * scale
-    for pace in PACES:
-        vertices, faces = _simplified(boxed, scan.face_vertices, n_vertices, pace)
-        faces = _manifold_part(faces)
-        if len(faces) and len(np.unique(faces)) <= n_vertices:
-            used, renumbered = np.unique(faces, return_inverse=True)
+    boxed = _simplified((scan.vertices - low) * scale, scan.face_vertices, SPARE * n_vertices)
+    for share in SHARES:
+        vertices, faces = _simplified(*boxed, max(int(share * n_vertices), 4))
+        used, renumbered = np.unique(faces, return_inverse=True)
+        if len(used) <= n_vertices and _is_manifold(faces):
             return ControlMesh.from_faces(vertices[used] / scale + low, renumbered.reshape(-1, 3))
     raise NoControlMesh(f"the scan cannot be simplified to {n_vertices} control points; ask for more.")
 
 
-def _simplified(vertices: Floats, faces: Ints, n_vertices: int, pace: float) -> tuple[Floats, Ints]:
-    """Collapse until the vertices are few enough; faces are counted from the scan's own Euler number."""
-    import fast_simplification
-
-    surplus = len(faces) - 2 * len(np.unique(faces))
-    target = max(4, 2 * n_vertices + surplus)
-    for _ in range(6):
-        if target >= len(faces):
-            return vertices, faces
-        points, triangles = fast_simplification.simplify(
-            vertices.astype(np.float64), faces.astype(np.int64), target_count=int(target), agg=pace
-        )
-        triangles = triangles.astype(np.int64)
-        excess = len(np.unique(triangles)) - n_vertices
-        if excess <= 0:
+def _simplified(vertices: Floats, faces: Ints, n_vertices: int) -> tuple[Floats, Ints]:
+    """Collapse until the vertices are few enough, slowly first, or until that leads no further."""
+    for pace in (*PACES, PACES[-1]):
+        used = len(np.unique(faces))
+        if used <= n_vertices:
             break
-        target -= max(2 * excess, 2)
-        if target < 4:
-            break
-    return np.asarray(points, dtype=np.float64), triangles
+        # a collapse takes a vertex and two faces
+        target = max(len(faces) - 2 * (used - n_vertices), 4)
+        found, triangles = fast_simplification.simplify(vertices, faces.copy(), target_count=int(target), agg=pace)
+        vertices, faces = np.asarray(found, dtype=np.float64), triangles.astype(np.int64)
+    return vertices, faces
 
 
-def _manifold_part(faces: Ints) -> Ints:
-    """The faces if every edge has at most two, opposite in direction; none otherwise."""
-    good = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    faces = faces[good]
-    tangled = (opposite_sides(faces) < 0) & (edge_table(faces).uses[edge_table(faces).face_edges] > 1)
-    return faces[:0] if tangled.any() else faces
+def _is_manifold(faces: Ints) -> bool:
+    """Whether there are faces with three corners each, and every edge has at most two, opposite in direction."""
+    if len(faces) == 0 or (faces == np.roll(faces, 1, axis=1)).any():
+        return False
+    table = edge_table(faces)
+    return not ((opposite_sides(faces) < 0) & (table.uses[table.face_edges] > 1)).any()
