@@ -23,6 +23,7 @@ __all__ = ["app", "main"]
 JOBS = {
     "patch": "brep_export.app.patch_job:patch",
     "terrain": "brep_export.app.terrain_job:terrain",
+    "fit": "brep_export.app.fit_job:fit",
     "check": "brep_export.app.check_job:check_file",
     "demo": "brep_export.app.demo_job:demo",
     "views": "brep_export.app.views_job:views",
@@ -62,6 +63,23 @@ class Relief(StrEnum):
 
     NONE = "none"
     CONTINUE = "continue"
+
+
+class Surface(StrEnum):
+    """Scheme of a fitted surface."""
+
+    LOOP = "loop"
+
+
+class Update(StrEnum):
+    """Rule by which control points move."""
+
+    TANGENT = "tangent"
+    LEAST_SQUARES = "least-squares"
+    PATENT = "patent"
+    BASIS = "basis"
+    NESTEROV = "nesterov"
+    ANDERSON = "anderson"
 
 
 class Schema(StrEnum):
@@ -177,6 +195,50 @@ def patch(
         "debug": debug,
     }
     _answer("patch", request, as_json=as_json, quiet=quiet, timeout=timeout)
+
+
+@app.command()
+def fit(
+    scan: Annotated[Path, typer.Argument(help="Scan as a triangle mesh, open or closed.")],
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("-o", "--output", help=f"File to write: .obj control mesh, or {' '.join(ENDINGS)}. Repeatable."),
+    ] = None,
+    surface: Annotated[Surface, typer.Option(help="Scheme of the surface.")] = Surface.LOOP,
+    control_points: Annotated[int | None, typer.Option(help="At most so many control points.", min=4)] = None,
+    tolerance: Annotated[
+        str | None, typer.Option(help="Largest error: a length, or a share of the diagonal as 0.1%.")
+    ] = None,
+    update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
+    plain: Annotated[bool, typer.Option(help="All control points at once, six rounds, no refinement.")] = False,
+    unit: Annotated[Unit | None, typer.Option(help="Unit of the scan; if not given the file's own, else mm.")] = None,
+    schema: Annotated[Schema, typer.Option(help="STEP application protocol.")] = Schema.AP214,
+    name: Annotated[str | None, typer.Option(help="Name of the part in the file's header.")] = None,
+    picture: Picture = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    timeout: Timeout = None,
+    force: Force = False,
+    debug: Debug = False,
+) -> None:
+    """Subdivision surface of a scan: its control mesh, and its limit surface as a B-rep."""
+    request = {
+        "inputs": [str(scan)],
+        "outputs": [str(path) for path in output or []],
+        "more_endings": [".obj"],
+        "surface": surface.value,
+        "control_points": control_points,
+        "tolerance": tolerance,
+        "update": update.value,
+        "plain": plain,
+        "unit": None if unit is None else unit.value,
+        "schema": schema.value,
+        "name": name,
+        "picture": None if picture is None else str(picture),
+        "force": force,
+        "debug": debug,
+    }
+    _answer("fit", request, as_json=as_json, quiet=quiet, timeout=timeout)
 
 
 @app.command()

@@ -16,6 +16,7 @@ ENDINGS = CAD_ENDINGS + MESH_ENDINGS
 def check_destinations(request: Mapping[str, Any]) -> None:
     """Every output has a known ending, a folder that exists, and a name of its own; the folder of a demo is made.
 
+    `more_endings` of the request are those that its command alone can write.
     Raises  UnsupportedFormat, BadOption.
     """
     outputs = [Path(path) for path in request["outputs"]]

@@ -6,6 +6,7 @@ Free edges are red, so that an open shell shows at once.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyvista
@@ -26,12 +27,16 @@ _PANEL = (720, 720)
 
 @dataclass(frozen=True)
 class Part:
-    """One mesh of a picture, in one colour; `lines` are polylines (n, 3) drawn in red."""
+    """One mesh of a picture, in one colour; `lines` are polylines (n, 3) drawn in red.
+
+    values  (V,) numbers of the vertices, shown by colours in place of the one, up to their 99th percentile; or None
+    """
 
     mesh: TriangleMesh
     colour: str
     smooth: bool = True
     lines: tuple[Floats, ...] = field(default=())
+    values: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -110,9 +115,13 @@ def _direction(vector: Floats) -> tuple[float, float, float]:
 def _add(plotter: pyvista.Plotter, part: Part) -> None:
     counts = np.full((part.mesh.n_faces, 1), 3)
     surface = pyvista.PolyData(part.mesh.vertices, np.hstack([counts, part.mesh.face_vertices]).ravel())
+    shown: dict[str, Any] = {"color": part.colour}
+    if part.values is not None:
+        limits = (0.0, max(float(np.quantile(part.values, 0.99)), 1e-300))
+        shown = {"scalars": part.values, "cmap": "viridis", "clim": limits, "show_scalar_bar": True}
     plotter.add_mesh(
         surface,
-        color=part.colour,
+        **shown,
         smooth_shading=part.smooth,
         split_sharp_edges=part.smooth,
         specular=0.15,

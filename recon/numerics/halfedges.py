@@ -24,6 +24,7 @@ from scipy.sparse import csgraph
 __all__ = [
     "EdgeTable",
     "edge_table",
+    "opposite_sides",
     "free_edges",
     "overused_edges",
     "misoriented_edges",
@@ -83,6 +84,27 @@ def edge_table(faces: Ints) -> EdgeTable:
     keys, inverse, uses = np.unique(low * span + high, return_inverse=True, return_counts=True)
     edges = np.stack(np.divmod(keys, max(span, 1)), axis=1)
     return EdgeTable(edges, inverse.reshape(faces.shape), start < end, uses)
+
+
+def opposite_sides(faces: Ints) -> Ints:
+    """(F, k) the side across each side, as k times its face plus its number there; -1 on the border.
+
+    faces (F, k) may be triangles or quadrilaterals. Where more than two sides lie on an edge, or two of the same
+    direction, each of them is a border: nothing says which belongs to which.
+    """
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    span = int(faces.max(initial=-1)) + 1
+    keys = np.minimum(start, end) * span + np.maximum(start, end)
+    order = np.argsort(keys, kind="stable")
+    ranked = keys[order]
+    same = np.concatenate([[False], ranked[1:] == ranked[:-1], [False]])
+    lone_pair = np.flatnonzero(~same[:-2] & same[1:-1] & ~same[2:]) if len(keys) > 1 else np.empty(0, dtype=np.int64)
+    one, two = order[lone_pair], order[lone_pair + 1]
+    opposed = start[one] == end[two]
+    one, two = one[opposed], two[opposed]
+    across = np.full(len(keys), -1)
+    across[one], across[two] = two, one
+    return across.reshape(faces.shape)
 
 
 def free_edges(faces: Ints) -> Ints:

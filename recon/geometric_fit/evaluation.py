@@ -1,0 +1,190 @@
+"""Weights of the control points of a patch at a place in it: compiled loops over many places.
+
+A place is (patch, v, w) with barycentric coordinates (u, v, w), u = 1 - v - w. In a regular patch the weights are
+quartic Bernstein polynomials times one table; in an irregular one the place lies in one of three sub-patches of a
+copy of the patch, halved `level` times toward corner 0 (see `limit_tables`):
+
+    sub 0  at corner 1   (v', w') = (2 w, 2 u)          sub 2  in the middle   (v', w') = (1 - 2 u, 1 - 2 v)
+    sub 1  at corner 2   (v', w') = (2 u, 2 v)
+
+Orders of derivatives: rows 0 value, 1 and 2 by v and w, 3, 4 and 5 by vv, vw and ww.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from recon.geometric_fit.limit_tables import N_LEVELS
+
+__all__ = ["MAX_SUPPORT", "PatchArrays", "patch_weights", "points_at"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+MAX_SUPPORT = 80  # points a patch may depend on
+REGULAR = 12  # of a regular patch
+N_BEZIER = 15
+
+
+class PatchArrays(NamedTuple):
+    """The patches of a limit surface, flat, for compiled code.
+
+    support_starts  (C + 1,) where the row of each patch begins in `support`
+    support         (S,) numbers of the points it depends on
+    tables          (C,) number of its table; -1 for a regular patch
+    across          (C, 3) the side across each side, 3 patch + side; -1 on a border
+    regular         (15, 12) Bezier points of a regular patch
+    table_starts    (T,) where each table begins in `weights`
+    weights         limit (K), tangents (2 K), levels (N_LEVELS 3 15 K), table after table
+    """
+
+    support_starts: Ints
+    support: Ints
+    tables: Ints
+    across: Ints
+    regular: Floats
+    table_starts: Ints
+    weights: Floats
+
+
+@njit(cache=True)
+def _bernstein(v: float, w: float, n_rows: int, out: Floats) -> None:
+    """Quartic Bernstein polynomials into out (n_rows, 15); n_rows 1, 3 or 6."""
+    u = 1.0 - v - w
+    u2, v2, w2 = u * u, v * v, w * w
+    u3, v3, w3 = u2 * u, v2 * v, w2 * w
+    uv, uw, vw = u * v, u * w, v * w
+    # order (i j k) of u^i v^j w^k: 400 310 220 130 040 | 301 211 121 031 | 202 112 022 | 103 013 | 004
+    b = out[0]
+    b[0], b[1], b[2], b[3], b[4] = u2 * u2, 4 * u3 * v, 6 * u2 * v2, 4 * u * v3, v2 * v2
+    b[5], b[6], b[7], b[8] = 4 * u3 * w, 12 * u2 * vw, 12 * u * v2 * w, 4 * v3 * w
+    b[9], b[10], b[11] = 6 * u2 * w2, 12 * uv * w2, 6 * v2 * w2
+    b[12], b[13], b[14] = 4 * u * w3, 4 * v * w3, w2 * w2
+    if n_rows == 1:
+        return
+    b = out[1]
+    b[0], b[1], b[2], b[3], b[4] = (
+        -4 * u3,
+        4 * u3 - 12 * u2 * v,
+        12 * u2 * v - 12 * u * v2,
+        12 * u * v2 - 4 * v3,
+        4 * v3,
+    )
+    b[5], b[6], b[7], b[8] = -12 * u2 * w, 12 * u2 * w - 24 * uv * w, 24 * uv * w - 12 * v2 * w, 12 * v2 * w
+    b[9], b[10], b[11] = -12 * u * w2, 12 * u * w2 - 12 * v * w2, 12 * v * w2
+    b[12], b[13], b[14] = -4 * w3, 4 * w3, 0.0
+    b = out[2]
+    b[0], b[1], b[2], b[3], b[4] = -4 * u3, -12 * u2 * v, -12 * u * v2, -4 * v3, 0.0
+    b[5], b[6], b[7], b[8] = 4 * u3 - 12 * u2 * w, 12 * u2 * v - 24 * uv * w, 12 * u * v2 - 12 * v2 * w, 4 * v3
+    b[9], b[10], b[11] = 12 * u2 * w - 12 * u * w2, 24 * uv * w - 12 * v * w2, 12 * v2 * w
+    b[12], b[13], b[14] = 12 * u * w2 - 4 * w3, 12 * v * w2, 4 * w3
+    if n_rows == 3:
+        return
+    b = out[3]
+    b[0], b[1], b[2], b[3], b[4] = 12 * u2, 24 * uv - 24 * u2, 12 * u2 - 48 * uv + 12 * v2, 24 * uv - 24 * v2, 12 * v2
+    b[5], b[6], b[7], b[8] = 24 * uw, 24 * vw - 48 * uw, 24 * uw - 48 * vw, 24 * vw
+    b[9], b[10], b[11] = 12 * w2, -24 * w2, 12 * w2
+    b[12], b[13], b[14] = 0.0, 0.0, 0.0
+    b = out[4]
+    b[0], b[1], b[2], b[3], b[4] = 12 * u2, 24 * uv - 12 * u2, 12 * v2 - 24 * uv, -12 * v2, 0.0
+    b[5], b[6] = 24 * uw - 12 * u2, 12 * u2 - 24 * uv - 24 * uw + 24 * vw
+    b[7], b[8] = 24 * uv - 12 * v2 - 24 * vw, 12 * v2
+    b[9], b[10], b[11] = 12 * w2 - 24 * uw, 24 * uw - 12 * w2 - 24 * vw, 24 * vw
+    b[12], b[13], b[14] = -12 * w2, 12 * w2, 0.0
+    b = out[5]
+    b[0], b[1], b[2], b[3], b[4] = 12 * u2, 24 * uv, 12 * v2, 0.0, 0.0
+    b[5], b[6], b[7], b[8] = 24 * uw - 24 * u2, 24 * vw - 48 * uv, -24 * v2, 0.0
+    b[9], b[10], b[11] = 12 * u2 - 48 * uw + 12 * w2, 24 * uv - 48 * vw, 12 * v2
+    b[12], b[13], b[14] = 24 * uw - 24 * w2, 24 * vw, 12 * w2
+
+
+@njit(cache=True)
+def _turn(sub: int, scale: float, n_rows: int, b: Floats) -> None:
+    """Derivatives by (v', w') into derivatives by (v, w), in place; scale is 2^(level + 1)."""
+    if n_rows == 1:
+        return
+    for i in range(N_BEZIER):
+        p, q = b[1, i], b[2, i]
+        if sub == 0:
+            b[1, i], b[2, i] = -scale * q, scale * (p - q)
+        elif sub == 1:
+            b[1, i], b[2, i] = scale * (q - p), -scale * p
+        else:
+            b[1, i], b[2, i] = scale * (p - q), scale * p
+        if n_rows == 6:
+            pp, pq, qq = b[3, i], b[4, i], b[5, i]
+            square = scale * scale
+            if sub == 0:
+                b[3, i], b[4, i], b[5, i] = square * qq, square * (qq - pq), square * (pp - 2 * pq + qq)
+            elif sub == 1:
+                b[3, i], b[4, i], b[5, i] = square * (qq - 2 * pq + pp), square * (pp - pq), square * pp
+            else:
+                b[3, i], b[4, i], b[5, i] = square * (pp - 2 * pq + qq), square * (pp - pq), square * pp
+
+
+@njit(cache=True)
+def patch_weights(patches: PatchArrays, patch: int, v: float, w: float, n_rows: int, b: Floats, out: Floats) -> int:
+    """Weights of the support of a patch into out (n_rows, MAX_SUPPORT); b (6, 15) is room to work; the support's size.
+
+    At an irregular corner the first derivatives are the tangents of the limit, and the second are not numbers.
+    """
+    size = patches.support_starts[patch + 1] - patches.support_starts[patch]
+    table = patches.tables[patch]
+    if table < 0:
+        _bernstein(v, w, n_rows, b)
+        for r in range(n_rows):
+            for j in range(REGULAR):
+                out[r, j] = 0.0
+            for i in range(N_BEZIER):
+                x = b[r, i]
+                for j in range(REGULAR):
+                    out[r, j] += x * patches.regular[i, j]
+        return size
+    start = patches.table_starts[table]
+    level, scale = 0, 2.0
+    while v + w <= 0.5 and level < N_LEVELS:
+        v, w, level, scale = 2.0 * v, 2.0 * w, level + 1, 2.0 * scale
+    if level == N_LEVELS:
+        for j in range(size):
+            out[0, j] = patches.weights[start + j]
+            for r in range(1, n_rows):
+                out[r, j] = patches.weights[start + r * size + j] if r < 3 else np.nan
+        return size
+    u = 1.0 - v - w
+    if v >= 0.5:
+        sub, a, c = 0, 2.0 * w, 2.0 * u
+    elif w >= 0.5:
+        sub, a, c = 1, 2.0 * u, 2.0 * v
+    else:
+        sub, a, c = 2, 1.0 - 2.0 * u, 1.0 - 2.0 * v
+    _bernstein(a, c, n_rows, b)
+    _turn(sub, scale, n_rows, b)
+    at = start + 3 * size + (level * 3 + sub) * N_BEZIER * size
+    rows = patches.weights[at : at + N_BEZIER * size]
+    for r in range(n_rows):
+        for j in range(size):
+            out[r, j] = patches.weights[start + j] if r == 0 else 0.0
+        for i in range(N_BEZIER):
+            x = b[r, i]
+            for j in range(size):
+                out[r, j] += x * rows[i * size + j]
+    return size
+
+
+@njit(cache=True)
+def points_at(patches: PatchArrays, points: Floats, patch: Ints, v: Floats, w: Floats, n_rows: int) -> Floats:
+    """(n, n_rows, 3) position and derivatives at n places; n_rows 1, 3 or 6; points (R, 3) of the refined mesh."""
+    out = np.zeros((len(patch), n_rows, 3))
+    b = np.empty((6, N_BEZIER))
+    weights = np.empty((6, MAX_SUPPORT))
+    for i in range(len(patch)):
+        size = patch_weights(patches, patch[i], v[i], w[i], n_rows, b, weights)
+        first = patches.support_starts[patch[i]]
+        for j in range(size):
+            p = patches.support[first + j]
+            for r in range(n_rows):
+                for k in range(3):
+                    out[i, r, k] += weights[r, j] * points[p, k]
+    return out

@@ -1,0 +1,118 @@
+"""What keeps a fit honest where no data point looks: surface that strays from the scan, and surface that folds.
+
+The error from the data to the surface says nothing about surface that is nearest to no data point. Two guards do:
+
+    stray  a sample of the surface farther from the scan than the fit is elsewhere becomes a data point of its own:
+           it wants to come to the tangent plane of the scan point nearest to it
+    fold   two triangles of the tessellation more than 90 degrees apart where the scan has no such edge: the control
+           points around are made stiffer, until the fold is gone
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from recon.geometric_fit.foot_points import Feet
+from recon.geometric_fit.limit_surface import LimitPatches, tessellation_places
+from recon.geometric_fit.scan_data import ScanData
+from recon.geometric_fit.tangent_distance import basis_rows
+from recon.geometry.control_mesh import ControlMesh
+from recon.numerics.halfedges import edge_table
+
+__all__ = ["Guards", "Strays", "fairness", "neighbour_means"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+SAME_PLACE = 0.005  # share of the diagonal within which a fold of the scan excuses a fold of the surface
+SAMPLES = ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))
+
+
+class Strays(NamedTuple):
+    """Samples of the surface that are too far from the scan.
+
+    feet     where they are; `normals` are those of the scan
+    targets  (m, 3) the scan points they should come to
+    """
+
+    feet: Feet
+    targets: Floats
+
+
+class Guards:
+    """Both guards for one control mesh; what depends on its connections alone is made once."""
+
+    def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
+        self._scan, self._faces, self._n_control = scan, mesh.faces_of(3), mesh.n_vertices
+        n_patches = len(patches.sheets.faces)
+        patch = np.repeat(np.arange(n_patches), len(SAMPLES))
+        v, w = np.tile(np.array(SAMPLES), (n_patches, 1)).T.copy()
+        self._samples = _feet_at(patch, v, w)
+        self._to_samples = basis_rows(patches, self._samples).matrix(self._n_control)
+        patch, v, w, self._triangles = tessellation_places(patches.sheets, 1)
+        self._to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
+        table = edge_table(self._triangles)
+        edge, face = table.edge_faces()
+        pair = np.flatnonzero(edge[1:] == edge[:-1])
+        self._ends, self._one, self._two = table.edges[edge[pair]], face[pair], face[pair + 1]
+
+    def strays(self, control_points: Floats, allowed: float) -> Strays:
+        """The samples of the surface that are farther from the scan than `allowed`, a length."""
+        scan, places = self._scan, self._to_samples @ control_points
+        distance, nearest = scan.tree.query(places)
+        away = places - scan.points[nearest]
+        height = np.abs(np.einsum("ij,ij->i", away, scan.normals[nearest]))
+        # the height over the nearest point's plane is a first guess; far beside that point it says little
+        beside = distance**2 - height**2 > 9.0 * np.median(distance) ** 2
+        far = np.flatnonzero((height > allowed) | (beside & (distance > allowed)))
+        target, face = scan.nearest_on_triangles_at(places[far], nearest[far])
+        off = np.linalg.norm(places[far] - target, axis=1) > allowed
+        far, target, face = far[off], target[off], face[off]
+        normals = scan.area_vectors[face]
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        at = self._samples
+        return Strays(Feet(at.patch[far], at.v[far], at.w[far], places[far], normals), target)
+
+    def folded(self, control_points: Floats) -> Bools:
+        """(V,) the control points of faces with a fold that the scan does not have."""
+        corners = self._to_corners @ control_points
+        a, b, c = corners[self._triangles].transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        turned = np.flatnonzero(np.einsum("ij,ij->i", normal[self._one], normal[self._two]) < 0.0)
+        if len(self._scan.folds) and len(turned):
+            middle = corners[self._ends[turned]].mean(axis=1)
+            turned = turned[self._scan.fold_tree.query(middle)[0] > SAME_PLACE * self._scan.diagonal]
+        folded = np.zeros(self._n_control, dtype=bool)
+        per_face = len(self._triangles) // len(self._faces)
+        folded[self._faces[np.concatenate([self._one[turned], self._two[turned]]) // per_face]] = True
+        return folded
+
+
+def _feet_at(patch: Ints, v: Floats, w: Floats) -> Feet:
+    nowhere = np.empty((len(patch), 3))
+    return Feet(patch, v, w, nowhere, nowhere)
+
+
+def fairness(mesh: ControlMesh, stiffness: Floats) -> sparse.csr_array:
+    """(V, V) energy of the control mesh: each point's distance from its neighbours' mean, squared, times stiffness."""
+    umbrella = sparse.csr_array(neighbour_means(mesh) - sparse.eye_array(mesh.n_vertices))
+    return sparse.csr_array(umbrella.T @ sparse.diags_array(stiffness) @ umbrella)
+
+
+def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
+    """(V, V) mean of the neighbours of every control point; on creases and borders of those along them."""
+    faces, n = mesh.faces_of(3), mesh.n_vertices
+    table = edge_table(faces)
+    creases = np.sort(mesh.crease_edges, axis=1)
+    edges = table.edges
+    sharp = (table.uses == 1) | np.isin(edges[:, 0] * n + edges[:, 1], creases[:, 0] * n + creases[:, 1])
+    on_sharp = np.zeros(n, dtype=bool)
+    on_sharp[edges[sharp]] = True
+    start, end = np.concatenate([edges, edges[:, ::-1]]).T
+    counts = ~on_sharp[start] | np.tile(sharp, 2)
+    links = sparse.csr_array(sparse.coo_array((np.ones(counts.sum()), (start[counts], end[counts])), shape=(n, n)))
+    degree = np.asarray(links.sum(axis=1)).ravel()
+    return sparse.csr_array(sparse.diags_array(1.0 / np.maximum(degree, 1.0)) @ links)

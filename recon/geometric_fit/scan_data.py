@@ -1,0 +1,149 @@
+"""What is known of the scan: its points, more points on its large triangles, and how near it is from anywhere.
+
+A scan says nothing between its points but what its triangles say. Where they are large against the control mesh, as
+over holes that were filled, a surface through the points alone may stray; so large triangles are sampled:
+
+       .                       .
+      / \\                     /.\\        measured points first, each with weight 1;
+     /   \\        -->        /. .\\       then samples inside, which together weigh
+    /     \\                 /. . .\\      SAMPLE_WEIGHT of a measured point each
+   .-------.               .-------.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from recon.geometry.mesh import TriangleMesh
+from recon.numerics.distance import nearest_on_triangles
+from recon.numerics.halfedges import edge_table, vertex_normals
+
+__all__ = ["ScanData", "fold_places", "scan_data"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SAMPLE_WEIGHT = 0.05
+MOST_PIECES = 64  # into which the side of a triangle is cut
+FOLD = 0.0  # cosine of the angle between neighbouring normals from which on an edge is a fold: 90 degrees
+
+
+@dataclass(frozen=True, eq=False)
+class ScanData:
+    """Points to fit, and the scan they come from.
+
+    mesh        the scan
+    points      (N, 3) the scan's vertices that faces use, then samples on its large triangles
+    weights     (N,) how much each counts
+    normals     (N, 3) unit normals of the scan there
+    sampled_faces  (N - n_measured,) the triangle of every sample
+    n_measured  how many of the points are vertices
+    diagonal    of the box around the scan
+    """
+
+    mesh: TriangleMesh
+    points: Floats
+    weights: Floats
+    normals: Floats
+    sampled_faces: Ints
+    n_measured: int
+    diagonal: float
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Search tree over the points."""
+        return cKDTree(self.points, balanced_tree=False, compact_nodes=False)
+
+    @cached_property
+    def point_faces(self) -> tuple[Ints, Ints]:
+        """Where the triangles around each point begin, (N + 1,), in the row of all of them."""
+        corner = np.unique(self.mesh.face_vertices, return_inverse=True)[1].ravel()
+        owner = np.concatenate([corner, self.n_measured + np.arange(len(self.sampled_faces))])
+        faces = np.concatenate([np.repeat(np.arange(self.mesh.n_faces), 3), self.sampled_faces])
+        order = np.argsort(owner, kind="stable")
+        starts = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(self.points)))])
+        return starts, faces[order]
+
+    def nearest_on_triangles_at(self, places: Floats, at: Ints) -> tuple[Floats, Ints]:
+        """(n, 3) the nearest point of the triangles around scan point at[i] to place i, and (n,) its triangle."""
+        starts, faces = self.point_faces
+        count = starts[at + 1] - starts[at]
+        query = np.repeat(np.arange(len(at)), count)
+        first = np.cumsum(count) - count
+        face = faces[np.repeat(starts[at] - first, count) + np.arange(len(query))]
+        foot, squared = nearest_on_triangles(places[query], self.mesh.vertices[self.mesh.face_vertices[face]])
+        order = np.lexsort((squared, query))
+        best = order[first]
+        return foot[best], face[best]
+
+    @cached_property
+    def area_vectors(self) -> Floats:
+        """(F, 3) normals of the scan's triangles, as long as their areas."""
+        return self.mesh.area_vectors()
+
+    @cached_property
+    def fold_tree(self) -> cKDTree:
+        """Search tree over the folds."""
+        return cKDTree(self.folds)
+
+    @cached_property
+    def folds(self) -> Floats:
+        """(m, 3) middles of the edges at which the scan itself folds."""
+        return fold_places(self.mesh.vertices, self.mesh.face_vertices)
+
+
+def scan_data(mesh: TriangleMesh, n_control: int) -> ScanData:
+    """The points to fit with about `n_control` control points; triangles as large as a control face are sampled.
+
+    Vertices that no face uses are left out.
+    """
+    used = np.unique(mesh.face_vertices)
+    vertices = mesh.vertices[used]
+    normals = vertex_normals(mesh.vertices, mesh.face_vertices)[used]
+    area_vectors = mesh.area_vectors()
+    area = np.linalg.norm(area_vectors, axis=1)
+    # a control face of an even mesh: twice as many faces as points
+    control_edge = np.sqrt(area.sum() / (2.0 * n_control) * 4.0 / np.sqrt(3.0))
+    samples, face = _samples_on_large(mesh, control_edge)
+    facing = area_vectors[face] / np.maximum(area[face, None], 1e-300)
+    return ScanData(
+        mesh,
+        np.concatenate([vertices, samples]),
+        np.concatenate([np.ones(len(vertices)), np.full(len(samples), SAMPLE_WEIGHT)]),
+        np.concatenate([normals, facing]),
+        face,
+        len(vertices),
+        float(np.linalg.norm(np.ptp(vertices, axis=0))),
+    )
+
+
+def _samples_on_large(mesh: TriangleMesh, control_edge: float) -> tuple[Floats, Ints]:
+    """(m, 3) points half a control edge apart inside every triangle with a side above one, and (m,) their faces."""
+    corners = mesh.corners()
+    longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
+    pieces = np.clip(np.ceil(2.0 * longest / control_edge), 1, MOST_PIECES).astype(np.int64)
+    pieces[longest <= control_edge] = 1
+    points, faces = [np.empty((0, 3))], [np.empty(0, dtype=np.int64)]
+    for n in np.unique(pieces[pieces > 1]).tolist():
+        chosen = np.flatnonzero(pieces == n)
+        i, j = np.indices((n, n)).reshape(2, -1)
+        inside = i + j < n
+        v, w = (i[inside] + 1 / 3) / n, (j[inside] + 1 / 3) / n
+        bary = np.stack([1.0 - v - w, v, w], axis=1)
+        points.append(np.einsum("mk,fkx->fmx", bary, corners[chosen]).reshape(-1, 3))
+        faces.append(np.repeat(chosen, len(v)))
+    return np.concatenate(points), np.concatenate(faces)
+
+
+def fold_places(vertices: Floats, faces: Ints) -> Floats:
+    """(m, 3) middles of the edges whose two faces have normals over 90 degrees apart."""
+    table = edge_table(faces)
+    edge, face = table.edge_faces()
+    pair = np.flatnonzero(edge[1:] == edge[:-1])
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    turned = np.einsum("ij,ij->i", normal[face[pair]], normal[face[pair + 1]]) < FOLD
+    return vertices[table.edges[edge[pair[turned]]]].mean(axis=1)

@@ -1,0 +1,65 @@
+"""`recon fit` from a scan to files, on a bumpy ball that the test makes."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from brep_export.mesh_files import write_mesh
+from recon.geometry.mesh import TriangleMesh
+
+RECON = [sys.executable, "-c", "from brep_export.app.cli import main; main()"]
+
+
+def recon(*words):
+    command = [*RECON, *map(str, words), "--json"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    unit = np.random.default_rng(8).normal(size=(1500, 3))
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    faces = ConvexHull(unit).simplices.astype(np.int64)
+    a, b, c = unit[faces].transpose(1, 0, 2)
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    points = unit * (40.0 + 3.0 * np.sin(3.0 * unit[:, :1]) * np.cos(2.0 * unit[:, 1:2]))
+    path = tmp_path_factory.mktemp("scan") / "ball.stl"
+    write_mesh(TriangleMesh(points, faces), path)
+    return path
+
+
+def test_a_scan_becomes_a_control_mesh_and_a_closed_solid(scan, tmp_path):
+    net, solid, picture = tmp_path / "ball.obj", tmp_path / "ball.step", tmp_path / "ball.png"
+    run = recon("fit", scan, "-o", net, "-o", solid, "--control-points", 40, "--picture", picture)
+    assert run.returncode == 0, run.stderr
+    answer = json.loads(run.stdout)
+    room, kernel = answer["room"], answer["kernel"]
+    assert kernel["type"] == "solid" and kernel["closed"] and kernel["valid"]
+    assert kernel["read_back"]["same"] and kernel["free_edges"] == 0
+    assert room["control_points"] <= 40 and room["stopped_by"] == "control points"
+    assert room["data_points"] == 1500
+    assert 0 < room["e_mean_percent"] < room["e_rms_percent"] < room["e_max_percent"] < 2.0
+    lines = net.read_text().splitlines()
+    assert sum(line.startswith("v ") for line in lines) == room["control_points"]
+    assert {Path(path).name for path in answer["outputs"]} == {"ball.obj", "ball.step", "ball.png"}
+    assert picture.stat().st_size > 10_000
+
+
+def test_a_share_of_the_diagonal_is_a_tolerance(scan, tmp_path):
+    run = recon("fit", scan, "-o", tmp_path / "ball.obj", "--tolerance", "0.4%", "--control-points", 400)
+    answer = json.loads(run.stdout)
+    assert run.returncode == 0 and answer["room"]["stopped_by"] == "tolerance"
+    assert answer["room"]["e_max_percent"] <= 0.4
+
+
+@pytest.mark.parametrize("words", [["--tolerance", "near"], ["--tolerance", "-1"], ["-o", "ball.xyz"]])
+def test_bad_options_are_one_sentence_and_status_two(scan, words):
+    run = recon("fit", scan, *words)
+    assert run.returncode == 2
+    assert "Traceback" not in run.stderr
