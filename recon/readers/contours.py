@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.errors import BadGeometry, BadOption, UnreadableFile, UnsupportedFormat
+from recon.errors import BadGeometry, BadOption, UnreadableFile
 from recon.geometry.contour_map import ContourMap
+from recon.readers.content import file_text
 
 __all__ = ["CONTOUR_ENDINGS", "read_contours"]
 
@@ -31,16 +32,9 @@ def read_contours(path: str | Path, *, attribute: str | None = None) -> ContourM
     attribute  name of the property that holds the height; None: a usual name, else the third coordinate
     Raises     UnreadableFile, UnsupportedFormat, BadGeometry naming the first contour that cannot be used, BadOption.
     """
-    ending = Path(path).suffix.lower()
-    if ending not in CONTOUR_ENDINGS:
-        raise UnsupportedFormat(str(path), CONTOUR_ENDINGS)
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as problem:
-        raise UnreadableFile(str(path), problem.strerror or "cannot be read") from problem
-    except UnicodeDecodeError as problem:
-        raise UnreadableFile(str(path), "is no text") from problem
-    lines, heights, crs = _geojson(text, str(path), attribute) if ending == ".geojson" else _csv(text, str(path))
+    text = file_text(path, CONTOUR_ENDINGS)
+    is_csv = Path(path).suffix.lower() == ".csv"
+    lines, heights, crs = _csv(text, str(path)) if is_csv else _geojson(text, str(path), attribute)
     if not lines:
         raise UnreadableFile(str(path), "holds no contour lines")
     _refuse_degrees(lines, crs, str(path))

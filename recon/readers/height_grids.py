@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.errors import ReconError, UnreadableFile, UnsupportedFormat
+from recon.errors import ReconError, UnreadableFile
 from recon.geometry.contour_map import HeightGrid
+from recon.readers.content import file_bytes, file_text, require_plain_file
 
 __all__ = ["GRID_ENDINGS", "read_height_grid"]
 
@@ -25,13 +26,9 @@ def read_height_grid(path: str | Path) -> HeightGrid:
 
     Raises  UnreadableFile, UnsupportedFormat, BadGeometry.
     """
-    ending = Path(path).suffix.lower()
-    if ending not in GRID_ENDINGS:
-        raise UnsupportedFormat(str(path), GRID_ENDINGS)
-    if not Path(path).is_file():
-        raise UnreadableFile(str(path), "does not exist")
+    file = require_plain_file(path, GRID_ENDINGS)
     try:
-        return {".asc": _ascii, ".json": _json}.get(ending, _geotiff)(Path(path))
+        return {".asc": _ascii, ".json": _json}.get(file.suffix.lower(), _geotiff)(file)
     except ReconError:
         raise
     except (OSError, ValueError, KeyError, TypeError, IndexError) as problem:
@@ -39,7 +36,7 @@ def read_height_grid(path: str | Path) -> HeightGrid:
 
 
 def _json(path: Path) -> HeightGrid:
-    content = json.loads(path.read_text(encoding="utf-8"))
+    content = json.loads(file_bytes(path))
     values = np.array(content["values"], dtype=np.float64).reshape(content["height"], content["width"])
     cell = float(content.get("cell", CELL))
     x, y = (cell * np.arange(n, dtype=np.float64) for n in values.shape[::-1])
@@ -47,7 +44,7 @@ def _json(path: Path) -> HeightGrid:
 
 
 def _ascii(path: Path) -> HeightGrid:
-    words = path.read_text(encoding="ascii").split()
+    words = file_text(path).split()
     header: dict[str, float] = {}
     while words and words[2 * len(header)][0].isalpha():
         header[words[2 * len(header)].lower()] = float(words[2 * len(header) + 1])

@@ -14,8 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.errors import BadGeometry, BadOption, UnreadableFile, UnsupportedFormat
+from recon.errors import BadGeometry, BadOption, UnreadableFile
 from recon.geometry.mesh import TriangleMesh
+from recon.readers.content import file_bytes
 from recon.readers.polygons import PolygonSoup, triangulated
 
 __all__ = ["MESH_ENDINGS", "Unit", "MeshFile", "read_mesh"]
@@ -62,7 +63,7 @@ def read_mesh(path: str | Path, *, unit: Unit | None = None) -> MeshFile:
     if unit is not None and unit not in MILLIMETRES:
         raise BadOption("unit", f"must be one of {', '.join(MILLIMETRES)}, not {unit!r}")
     file = Path(path)
-    soup = _soup(_content(file), file)
+    soup = _soup(file_bytes(file, MESH_ENDINGS), file)
     name = str(file)
     if len(soup.sizes) == 0:
         what = f"holds {len(soup.points)} points but no faces" if len(soup.points) else "holds no points and no faces"
@@ -75,28 +76,6 @@ def read_mesh(path: str | Path, *, unit: Unit | None = None) -> MeshFile:
     if unit is None and soup.millimetres is None:
         notes += _size_notes(points)
     return MeshFile(TriangleMesh(points, faces, file.name), (*soup.notes, *unit_notes, *notes, *shape_notes), n_bodies)
-
-
-def _content(file: Path) -> bytes:
-    """The bytes of the file, when its ending is known and it is a plain, readable, non-empty file."""
-    name = str(file)
-    if file.is_dir():
-        raise UnreadableFile(name, "is a folder", "Name a mesh file in it")
-    if file.suffix.lower() not in MESH_ENDINGS:
-        raise UnsupportedFormat(name, MESH_ENDINGS)
-    try:
-        if file.exists() and not file.is_file():
-            raise UnreadableFile(name, "is a device or a pipe", "Name a mesh file")
-        data = file.read_bytes()
-    except FileNotFoundError:
-        raise UnreadableFile(name, "there is no such file", "Check the name and the folder") from None
-    except PermissionError:
-        raise UnreadableFile(name, "may not be read", "Ask its owner for the permission to read it") from None
-    except (OSError, ValueError) as problem:
-        raise UnreadableFile(name, f"cannot be read ({problem})") from problem
-    if not data.strip():
-        raise UnreadableFile(name, "is empty", "Export or copy the file again")
-    return data
 
 
 def _soup(data: bytes, file: Path) -> PolygonSoup:

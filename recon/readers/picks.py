@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import UnreadableFile
+from recon.readers.content import file_bytes
 
 __all__ = ["read_picks"]
 
@@ -25,9 +26,7 @@ def read_picks(path: str | Path) -> Floats:
     Raises  UnreadableFile when the file cannot be read, is no JSON or holds anything but three finite points.
     """
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise UnreadableFile(str(path), problem.strerror or "cannot be read") from problem
+        content = json.loads(file_bytes(path))
     except (ValueError, RecursionError) as problem:
         raise UnreadableFile(str(path), "is no JSON", f"Write {SHAPE}") from problem
     points = _three_points(content.get("picks") if isinstance(content, dict) else None)

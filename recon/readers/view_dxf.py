@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from recon.errors import CurvedDrawing, UnreadableFile
+from recon.readers.content import require_plain_file
 from recon.readers.view_sheet import Strokes, ViewSheet, separate_views
 
 __all__ = ["read_dxf_views"]
@@ -33,7 +34,7 @@ def read_dxf_views(path: str | Path) -> ViewSheet:
 
     Raises  UnreadableFile when the file is no DXF or holds no three views; CurvedDrawing with the place of every arc.
     """
-    name = str(path)
+    name = str(require_plain_file(path))
     document = _document(name)
     segments, hidden, aside, curves = [], [], Counter[str](), []
     for entity in _entities(document.modelspace()):
@@ -67,10 +68,7 @@ def _document(name: str) -> Any:
     broken = (DXFError, ValueError, KeyError, IndexError, TypeError, AttributeError)
     try:
         return ezdxf.filemanagement.readfile(name)
-    except OSError as problem:
-        if not Path(name).is_file():
-            raise UnreadableFile(name, problem.strerror or "cannot be read") from problem
-    except broken:
+    except (OSError, *broken):
         pass
     try:
         return recover.readfile(name)[0]

@@ -13,6 +13,7 @@ import numpy as np
 
 from recon.errors import BadGeometry, UnreadableFile
 from recon.geometry.views import PROJECTIONS, DrawnView, ThreeViews
+from recon.readers.content import file_bytes
 
 __all__ = ["read_json_views"]
 
@@ -27,9 +28,7 @@ def read_json_views(path: str | Path) -> ThreeViews:
     """
     name = str(path)
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise UnreadableFile(name, problem.strerror or "cannot be read") from problem
+        content = json.loads(file_bytes(path))
     except (ValueError, RecursionError) as problem:
         raise UnreadableFile(name, "is no JSON", f"Write {SHAPE}") from problem
     views = content.get("views") if isinstance(content, dict) else None
