@@ -91,7 +91,7 @@ def summary(answer: Mapping[str, Any]) -> str:
 
 def _is_short(value: Any) -> bool:
     """Whether a figure fits a line: lists of objects are for the JSON alone."""
-    return value is not None and not (isinstance(value, list) and value and isinstance(value[0], Mapping))
+    return value not in (None, []) and not (isinstance(value, list) and isinstance(value[0], Mapping))
 
 
 def _shape_line(kernel: Mapping[str, Any]) -> str:

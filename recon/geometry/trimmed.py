@@ -41,6 +41,17 @@ class TrimLoop:
                 "trim loop", f"curve {int(gap.argmax())} ends {gap.max():.3g} away from the start of the next"
             )
 
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """(m, 2) parameters at places (m,): the number of a curve plus the share of its range; they may run round."""
+        places = np.mod(places, len(self.pcurves))
+        number = np.minimum(places.astype(np.int64), len(self.pcurves) - 1)
+        uv = np.empty((len(places), 2))
+        for k in np.unique(number):
+            low, high = self.pcurves[k].domain
+            here = number == k
+            uv[here] = self.pcurves[k].point(low + (places[here] - k) * (high - low))
+        return uv
+
     def polygon(self, per_curve: int = 64) -> np.ndarray:
         """(m, 2) points of the loop in the parameter plane, the first not repeated."""
         steps = [np.linspace(*c.domain, per_curve, endpoint=False) for c in self.pcurves]

@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
@@ -31,6 +31,7 @@ from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.thickness import Thickness
 from recon.numerics.polygons import within
 from recon.numerics.ribbons import ribbon
+from recon.numerics.spline_parts import spline_part
 
 __all__ = ["lip_piece", "lip_thickness"]
 
@@ -115,24 +116,10 @@ class _Chain:
 
     def at(self, length: Floats) -> Floats:
         """(n, 2) parameters at lengths along the chain."""
-        return _on_loop(self.trimmed.loops[0], np.interp(length, self.lengths, self.places))
+        return self.trimmed.loops[0].at(np.interp(length, self.lengths, self.places))
 
     def points(self, length: Floats) -> Floats:
         return self.trimmed.surface.point(self.at(length))
-
-
-def _on_loop(loop: TrimLoop, places: Floats) -> Floats:
-    n = len(loop.pcurves)
-    places = np.mod(places, n)
-    number = np.minimum(places.astype(np.int64), n - 1)
-    uv = np.empty((len(places), 2))
-    for k, curve in enumerate(loop.pcurves):
-        here = np.flatnonzero(number == k)
-        if not len(here):
-            continue
-        low, high = curve.domain
-        uv[here] = curve.point(low + (places[here] - k) * (high - low))
-    return uv
 
 
 def _chains(sheet: Sheet) -> tuple[_Chain, _Chain]:
@@ -141,12 +128,12 @@ def _chains(sheet: Sheet) -> tuple[_Chain, _Chain]:
     loop = trimmed.loops[0]
     per_curve = [SAMPLES * max(16, len(c.knots)) for c in loop.pcurves]
     places = np.concatenate([k + np.arange(n) / n for k, n in enumerate(per_curve)])
-    uv = _on_loop(loop, places)
+    uv = loop.at(places)
     up, down = _crossings(loop, places, uv, lip)
     if not len(up) or not len(down):
         raise NoWall("The hole's edge does not run over the lip on two sides: the piece would have no fracture there.")
-    right = up[np.argmax(_on_loop(loop, up)[:, 0])]
-    left = down[np.argmin(_on_loop(loop, down)[:, 0])]
+    right = up[np.argmax(loop.at(up)[:, 0])]
+    left = down[np.argmin(loop.at(down)[:, 0])]
     n = float(len(loop.pcurves))
     outer = np.concatenate([[left], _between(places, left, (right - left) % n, n), [left + (right - left) % n]])
     inner = np.concatenate([[right], _between(places, right, (left - right) % n, n), [right + (left - right) % n]])
@@ -163,7 +150,7 @@ def _crossings(loop: TrimLoop, places: Floats, uv: Floats, lip: float) -> tuple[
         low, high = places[k], ahead[k]
         for _ in range(50):
             middle = 0.5 * (low + high)
-            over = (_on_loop(loop, middle)[:, 1] >= lip) == way
+            over = (loop.at(middle)[:, 1] >= lip) == way
             low, high = np.where(over, low, middle), np.where(over, middle, high)
         crossed.append(0.5 * (low + high))
     return crossed[0], crossed[1]
@@ -176,7 +163,7 @@ def _between(places: Floats, start: float, span: float, n: float) -> Floats:
 
 
 def _chain(trimmed: TrimmedSurface, places: Floats) -> _Chain:
-    points = trimmed.surface.point(_on_loop(trimmed.loops[0], places))
+    points = trimmed.surface.point(trimmed.loops[0].at(places))
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return _Chain(trimmed, places, np.concatenate([[0.0], np.cumsum(steps)]))
 
@@ -241,11 +228,7 @@ class _Band:
     def _part(self, first: int, last: int) -> tuple[Floats, Floats]:
         """Knots and control rows of the spline between two stations: the only one with these points and end slopes."""
         at = np.s_[first : last + 1]
-        slope = self.spline(self.t[[first, last]], 1)
-        part = make_interp_spline(self.t[at], self.rows[at], k=3, bc_type=([(1, slope[0])], [(1, slope[1])]))
-        control = part.c.copy()
-        control[0], control[-1] = self.rows[first], self.rows[last]
-        return part.t, control
+        return spline_part(self.t[at], self.rows[at], self.spline(self.t[[first, last]], 1))
 
 
 def _band(chains: tuple[_Chain, _Chain], pairs: Floats) -> _Band:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import CubicSpline
 from scipy.optimize import isotonic_regression
 from scipy.spatial import cKDTree
 
@@ -30,6 +30,7 @@ from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.thickness import check_apart
 from recon.hole_patch.trim_loop import withdrawn
 from recon.numerics.bernstein import bernstein, bernstein_derivative
+from recon.numerics.spline_parts import spline_part
 
 __all__ = ["thick_piece"]
 
@@ -107,7 +108,7 @@ class _Loop:
         pcurves = trimmed.loops[0].pcurves
         per_curve = [SAMPLES * max(16, len(c.knots)) for c in pcurves]
         places = np.concatenate([k + np.arange(n) / n for k, n in enumerate(per_curve)] + [[len(pcurves)]])
-        points = trimmed.surface.point(_on_curves(pcurves, places))
+        points = trimmed.surface.point(trimmed.loops[0].at(places))
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         return cls(trimmed, places, np.concatenate([[0.0], np.cumsum(steps)]), points)
 
@@ -117,17 +118,7 @@ class _Loop:
 
     def at(self, length: Floats) -> Floats:
         """(m, 2) parameters of the surface at lengths along the loop, which may run round it."""
-        return _on_curves(self.trimmed.loops[0].pcurves, np.interp(length % self.length, self.lengths, self.places))
-
-
-def _on_curves(pcurves: tuple[BSplineCurve, ...], places: Floats) -> Floats:
-    number = np.minimum(places.astype(np.int64), len(pcurves) - 1)
-    uv = np.empty((len(places), 2))
-    for k, curve in enumerate(pcurves):
-        here = number == k
-        low, high = curve.domain
-        uv[here] = curve.point(low + (places[here] - k) * (high - low))
-    return uv
+        return self.trimmed.loops[0].at(np.interp(length % self.length, self.lengths, self.places))
 
 
 def _partners(outer: _Loop, inner: _Loop, stations: Floats) -> Floats:
@@ -205,11 +196,7 @@ class _Band:
     def _part(self, first: int, last: int) -> tuple[Floats, Floats]:
         """Knots and control rows of the spline between two stations: the only one with these points and end slopes."""
         at = np.s_[first : last + 1]
-        slope = self.spline(self.t[[first, last]], 1)
-        part = make_interp_spline(self.t[at], self.rows[at], k=3, bc_type=([(1, slope[0])], [(1, slope[1])]))
-        control = part.c.copy()
-        control[0], control[-1] = self.rows[first], self.rows[last]
-        return part.t, control
+        return spline_part(self.t[at], self.rows[at], self.spline(self.t[[first, last]], 1))
 
 
 def _band(loops: tuple[_Loop, _Loop], pairs: Floats, relief: Floats, corners: Ints) -> _Band:

@@ -17,11 +17,11 @@ from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.sheet import Sheet
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
+from recon.numerics.polygons import within
 
 __all__ = ["Thickness", "check_apart", "offset_sheet", "piece_thickness"]
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 SAFE = 0.05  # least share of its width that the offset wall must keep everywhere
@@ -115,18 +115,7 @@ def _places(polygon: Floats, n: int) -> Floats:
     """(m, 2) points of an n x n grid within a closed polygon, and points on it."""
     steps = np.linspace(polygon.min(axis=0), polygon.max(axis=0), n + 2)[1:-1]
     grid = np.stack(np.meshgrid(*steps.T, indexing="ij"), axis=-1).reshape(-1, 2)
-    return np.concatenate([grid[_within(polygon, grid)], polygon[:: max(1, len(polygon) // (4 * n))]])
-
-
-def _within(polygon: Floats, points: Floats) -> Bools:
-    """(m,) whether points (m, 2) lie inside a closed polygon (n, 2): a ray to the right crosses it an odd number of
-    times.
-    """
-    (ax, ay), (bx, by) = polygon.T, np.roll(polygon, -1, axis=0).T
-    x, y = points[:, :1], points[:, 1:]
-    straddles = (ay <= y) != (by <= y)
-    reach = ax + (y - ay) * np.divide(bx - ax, by - ay, out=np.zeros_like(ax), where=by != ay)
-    return np.asarray((straddles & (reach > x)).sum(axis=1) % 2 == 1)
+    return np.concatenate([grid[within(polygon, grid)], polygon[:: max(1, len(polygon) // (4 * n))]])
 
 
 def _rounded_enough(surface: BSplineSurface, uv: Floats, thickness: float) -> BSplineSurface:

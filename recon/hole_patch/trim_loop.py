@@ -18,13 +18,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from recon.errors import BadOption, NoSurface
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.trimmed import TrimLoop, TrimmedSurface
 from recon.numerics.foot_points import foot_points
+from recon.numerics.spline_parts import spline_part
 
 __all__ = ["trim_loop", "parameter_loop", "withdrawn", "clean_polygon", "even_points", "crossings"]
 
@@ -179,16 +180,8 @@ def _periodic_spline(uv: Floats, chart: Floats, n_curves: int) -> tuple[BSplineC
     t = np.concatenate([[0.0], np.cumsum(steps)])
     slope = CubicSpline(t, closed, bc_type="periodic")(t, 1)
     cuts = np.linspace(0, len(uv), n_curves + 1).round().astype(int)
-    return tuple(_piece(t, closed, slope, np.s_[i : j + 1]) for i, j in pairwise(cuts))
-
-
-def _piece(t: Floats, uv: Floats, slope: Floats, rows: slice) -> BSplineCurve:
-    """The periodic spline between two of its knots: the only cubic spline with these points and these end slopes."""
-    ends = ([(1, slope[rows][0])], [(1, slope[rows][-1])])
-    spline = make_interp_spline(t[rows], uv[rows], k=3, bc_type=ends)
-    control = spline.c.copy()
-    control[0], control[-1] = uv[rows][0], uv[rows][-1]
-    return BSplineCurve(3, spline.t, control)
+    parts = [spline_part(t[i : j + 1], closed[i : j + 1], slope[[i, j]]) for i, j in pairwise(cuts)]
+    return tuple(BSplineCurve(3, knots, control) for knots, control in parts)
 
 
 def _check_inside(surface: BSplineSurface, loop: TrimLoop) -> None:

@@ -56,3 +56,8 @@ def test_a_piece_of_a_rim_needs_two_curves_a_wall_and_a_fracture_that_ends_in_po
         LipPiece(face, (PLANE,))
     with pytest.raises(BadGeometry, match="first wall does not end in a point"):
         LipPiece(face, (PLANE, PLANE))
+
+
+def test_places_on_a_loop_run_from_curve_to_curve_and_round():
+    assert_allclose(SQUARE.at(np.array([0.0, 1.0, 4.0])), [(0.1, 0.1), (0.9, 0.1), (0.1, 0.1)])
+    assert_allclose(SQUARE.at(np.array([2.5, -1.5, 6.5])), [(0.5, 0.9)] * 3)
