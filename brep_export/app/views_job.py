@@ -86,7 +86,7 @@ def _interpreted(
 
 def _wanted(request: Mapping[str, Any], found: Interpretation) -> Iterator[tuple[int, list[str]]]:
     """Numbers of the solids to write, from 0, each with its files; of several, the names are numbered."""
-    if not request["all"]:
+    if not request["all_solutions"]:
         yield request["solution"] - 1, list(request["outputs"])
         return
     for number in range(min(found.count, request["limit"])):
@@ -117,7 +117,7 @@ def _deliver(
             **request,
             "outputs": kernel_files,
             "name": request["name"] or Path(request["inputs"][0]).stem,
-            "picture": None if request["all"] and number else request["picture"],
+            "picture": None if request["all_solutions"] and number else request["picture"],
         },
         bench,
         paint=partial(_paint, report),
@@ -132,7 +132,7 @@ def _figures(found: Interpretation, request: Mapping[str, Any]) -> dict[str, Any
         "solutions": found.count,
         "complete": found.complete,
         "free_choices": [_choice(found, choice) for choice in found.labelings.choices],
-        "chosen": None if request["all"] else request["solution"],
+        "chosen": None if request["all_solutions"] else request["solution"],
         "vertices": len(arranged.fragments.wire.vertices),
         "edges": len(arranged.fragments.wire.edges),
         "fragments": len(arranged.fragments.plane),

@@ -1,0 +1,26 @@
+"""recon demo: the main job on a vessel made, broken and rebuilt here."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from brep_export.app.commands.options import AsJson, Debug, Quiet, Timeout
+from brep_export.app.front_desk import answer
+
+__all__ = ["demo"]
+
+JOB = "brep_export.app.demo_job:demo"
+
+
+def demo(
+    directory: Annotated[Path, typer.Option("--directory", "-d", help="Where the files go.")] = Path("demo"),
+    seed: Annotated[int, typer.Option(help="Another seed breaks another vessel.")] = 1,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    timeout: Timeout = None,
+    debug: Debug = False,
+) -> None:
+    """Make a vessel, break it, lose a sherd, rebuild it, and compare the two."""
+    outputs = [directory / f"piece{ending}" for ending in (".step", ".stl")]
+    answer("demo", JOB, locals(), inputs=[], picture=directory / "piece.png", make_directory=directory)
