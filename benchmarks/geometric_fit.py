@@ -23,12 +23,12 @@ from threadpoolctl import threadpool_limits
 from recon.geometric_fit.foot_points import nearest_feet, walk_feet
 from recon.geometric_fit.guards import fairness
 from recon.geometric_fit.initial_mesh import initial_mesh
-from recon.geometric_fit.limit_surface import limit_patches, tessellate
 from recon.geometric_fit.pipeline import FitOptions, fit_surface
 from recon.geometric_fit.scan_data import fold_places
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.numerics.distance import TriangleTree, sample_surface
 from recon.readers.meshes import read_mesh
+from recon.subdivision.limit_surface import limit_patches, tessellate
 
 ROUNDS = 6
 

@@ -17,13 +17,13 @@ from brep_export.shells import network_shell
 from brep_export.solids import network_solid
 from brep_export.staging import staged
 from recon.errors import BadOption
-from recon.geometric_fit.limit_surface import limit_patches, tessellate
-from recon.geometric_fit.patch_network import limit_network
 from recon.geometric_fit.pipeline import FitOptions, FittedSurface, fit_surface
 from recon.geometric_fit.updates import Update
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.readers.meshes import read_mesh
+from recon.subdivision.limit_surface import limit_patches, tessellate
+from recon.subdivision.patch_network import limit_network
 from recon.tolerance import Tolerance
 
 __all__ = ["fit", "tolerance_length"]

@@ -26,8 +26,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from recon.geometric_fit.evaluation import MAX_SUPPORT, PatchArrays, patch_weights, points_at
-from recon.geometric_fit.limit_surface import LimitPatches
+from recon.subdivision.evaluation import MAX_SUPPORT, PatchArrays, patch_weights, points_at
+from recon.subdivision.limit_surface import LimitPatches
 
 __all__ = ["Feet", "nearest_feet", "seed_feet", "walk_feet"]
 

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from recon.geometric_fit.foot_points import Feet
-from recon.geometric_fit.limit_surface import LimitPatches, tessellation_places
 from recon.geometric_fit.scan_data import ScanData
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import edge_table
+from recon.subdivision.limit_surface import LimitPatches, tessellation_places
 
 __all__ = ["Guards", "Strays", "fairness", "neighbour_means"]
 

@@ -20,17 +20,17 @@ from threadpoolctl import threadpool_limits
 
 from recon.errors import BadOption, NoSurface
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
-from recon.geometric_fit.evaluation import points_at
 from recon.geometric_fit.foot_points import EXACT, Feet, nearest_feet, walk_feet
 from recon.geometric_fit.guards import Guards, Strays, fairness, neighbour_means
 from recon.geometric_fit.initial_mesh import initial_mesh
-from recon.geometric_fit.limit_surface import LimitPatches, limit_patches
 from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
 from recon.geometric_fit.scan_data import scan_data
 from recon.geometric_fit.updates import Pull, Update, Updater
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import opposite_sides
+from recon.subdivision.evaluation import points_at
+from recon.subdivision.limit_surface import LimitPatches, limit_patches
 
 __all__ = ["FitOptions", "FittedSurface", "fit_surface"]
 

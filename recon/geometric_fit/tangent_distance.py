@@ -18,9 +18,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-from recon.geometric_fit.evaluation import MAX_SUPPORT, PatchArrays, patch_weights
 from recon.geometric_fit.foot_points import Feet
-from recon.geometric_fit.limit_surface import LimitPatches
+from recon.subdivision.evaluation import MAX_SUPPORT, PatchArrays, patch_weights
+from recon.subdivision.limit_surface import LimitPatches
 
 __all__ = ["BasisRows", "Metric", "basis_rows", "tangent_distance_move"]
 

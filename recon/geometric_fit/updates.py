@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from recon.geometric_fit.foot_points import Feet
-from recon.geometric_fit.limit_surface import LimitPatches
 from recon.geometric_fit.tangent_distance import Metric, basis_rows, tangent_distance_move
+from recon.subdivision.limit_surface import LimitPatches
 
 __all__ = ["Pull", "Update", "Updater"]
 

@@ -7,12 +7,9 @@ from numpy.testing import assert_allclose
 
 from recon.errors import BadOption, NoSurface
 from recon.geometric_fit.convergence import StoppedBy
-from recon.geometric_fit.evaluation import points_at
 from recon.geometric_fit.foot_points import EXACT, nearest_feet
 from recon.geometric_fit.guards import Guards, fairness
 from recon.geometric_fit.initial_mesh import initial_mesh
-from recon.geometric_fit.limit_surface import limit_patches, tessellate
-from recon.geometric_fit.patch_network import limit_network
 from recon.geometric_fit.pipeline import FitOptions, fit_surface
 from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
 from recon.geometric_fit.scan_data import fold_places, scan_data
@@ -22,6 +19,9 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.numerics.halfedges import euler_number, opposite_sides
+from recon.subdivision.evaluation import points_at
+from recon.subdivision.limit_surface import limit_patches, tessellate
+from recon.subdivision.patch_network import limit_network
 
 
 def control_mesh(mesh, **marks):

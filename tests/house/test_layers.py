@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 KERNEL = ("OCP", "cadquery", "vtk", "vtkmodules", "pyvista")
 GROUND = ("recon.errors", "recon.tolerance", "recon.version")
-NOT_ROOMS = {"numerics", "geometry", "readers"}
+NOT_ROOMS = {"numerics", "geometry", "readers", "subdivision"}
 ROOMS = tuple(
     f"recon.{folder.name}"
     for folder in sorted((ROOT / "recon").iterdir())
@@ -21,9 +21,18 @@ BELOW = {
     "recon.numerics": GROUND,
     "recon.geometry": (*GROUND, "recon.numerics"),
     "recon.readers": (*GROUND, "recon.numerics", "recon.geometry"),
-    **dict.fromkeys(ROOMS, (*GROUND, "recon.numerics", "recon.geometry")),
+    "recon.subdivision": (*GROUND, "recon.numerics", "recon.geometry"),
+    **dict.fromkeys(ROOMS, (*GROUND, "recon.numerics", "recon.geometry", "recon.subdivision")),
     "brep_export": (*GROUND, "recon.geometry"),
-    "brep_export.app": (*GROUND, "recon.numerics", "recon.geometry", "recon.readers", *ROOMS, "brep_export"),
+    "brep_export.app": (
+        *GROUND,
+        "recon.numerics",
+        "recon.geometry",
+        "recon.readers",
+        "recon.subdivision",
+        *ROOMS,
+        "brep_export",
+    ),
 }
 MODULES = sorted(p for package in ("recon", "brep_export") for p in (ROOT / package).rglob("*.py"))
 

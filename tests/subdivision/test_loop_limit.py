@@ -6,12 +6,12 @@ from hull_meshes import ball, disc
 from numpy.testing import assert_allclose
 
 from recon.errors import BadGeometry, NotManifold
-from recon.geometric_fit.limit_surface import _in_child, limit_points, tessellate
-from recon.geometric_fit.limit_tables import regular_table
-from recon.geometric_fit.loop import refine
-from recon.geometric_fit.sheets import VertexKind, cut_along_creases
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import edge_table, opposite_sides
+from recon.subdivision.limit_surface import _in_child, limit_points, tessellate
+from recon.subdivision.limit_tables import regular_table
+from recon.subdivision.loop import refine
+from recon.subdivision.sheets import VertexKind, cut_along_creases
 
 
 def control_mesh(mesh, **marks):

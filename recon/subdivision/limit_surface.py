@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from recon.errors import BadGeometry
-from recon.geometric_fit.evaluation import MAX_SUPPORT, PatchArrays, points_at
-from recon.geometric_fit.limit_tables import corner_table, regular_table
-from recon.geometric_fit.loop import REGULAR_FACES, extended, refine, regular_rings
-from recon.geometric_fit.rings import MAX_RING, face_rings, fan_places
-from recon.geometric_fit.sheets import Sheets, VertexKind, cut_along_creases
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
+from recon.subdivision.evaluation import MAX_SUPPORT, PatchArrays, points_at
+from recon.subdivision.limit_tables import corner_table, regular_table
+from recon.subdivision.loop import REGULAR_FACES, extended, refine, regular_rings
+from recon.subdivision.rings import MAX_RING, face_rings, fan_places
+from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 
 __all__ = ["LimitPatches", "limit_patches", "limit_points", "tessellate", "tessellation_places"]
 

@@ -14,12 +14,12 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometric_fit.evaluation import points_at
-from recon.geometric_fit.limit_surface import LimitPatches
-from recon.geometric_fit.limit_tables import BEZIER_INDICES, quartic_bernstein
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.patches import PatchNetwork
+from recon.subdivision.evaluation import points_at
+from recon.subdivision.limit_surface import LimitPatches
+from recon.subdivision.limit_tables import BEZIER_INDICES, quartic_bernstein
 
 __all__ = ["limit_network"]
 

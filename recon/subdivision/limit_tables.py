@@ -23,10 +23,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometric_fit.loop import extended, refine, regular_rings
-from recon.geometric_fit.rings import face_rings
-from recon.geometric_fit.sheets import Sheets, VertexKind
 from recon.numerics.halfedges import opposite_sides
+from recon.subdivision.loop import extended, refine, regular_rings
+from recon.subdivision.rings import face_rings
+from recon.subdivision.sheets import Sheets, VertexKind
 
 __all__ = ["BEZIER_INDICES", "N_LEVELS", "CornerTable", "corner_table", "quartic_bernstein", "regular_table"]
 

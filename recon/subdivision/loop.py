@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from recon.geometric_fit.sheets import Sheets, VertexKind
+from recon.subdivision.sheets import Sheets, VertexKind
 
 __all__ = ["Refinement", "extended", "refine", "regular_rings", "vertex_weight"]
 

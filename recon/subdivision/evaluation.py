@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.geometric_fit.limit_tables import N_LEVELS
+from recon.subdivision.limit_tables import N_LEVELS
 
 __all__ = ["MAX_SUPPORT", "PatchArrays", "patch_weights", "points_at"]
 
