@@ -36,6 +36,7 @@ def write_outputs(
     header: FileHeader = FileHeader(),  # noqa: B008  (frozen)
     schema: StepSchema = StepSchema.AP214,
     allow_change: bool = False,
+    measures: ShapeMeasures | None = None,
     beside: Mapping[str, Callable[[Path], None]] | None = None,
     announce: Callable[[Path], None] = lambda path: None,
 ) -> tuple[ReadBack, ...]:
@@ -43,13 +44,14 @@ def write_outputs(
 
     mesh          triangles of the shape, for the mesh formats
     allow_change  put files in place even when they read back as something else; what changed is in the result
+    measures      of the shape, where they are known already
     beside        further files that belong to the same result, each with the function that writes it
     announce      called with the path of every temporary file before it is made
     Promises      when anything fails no path has changed.
     Raises        UnsupportedFormat; NotWritten naming the path and what changed.
     """
     require_writable(paths)
-    measures = measure(shape)
+    measures = measures or measure(shape)
     beside = beside or {}
     with staged(*paths, *beside, announce=announce) as temporary:
         results = []

@@ -57,6 +57,7 @@ def write_files(
             ),
             schema=StepSchema[request.get("schema", "AP214")],
             allow_change=bool(request.get("force")),
+            measures=report.measures,
             beside=others,
             announce=bench.staged,
         )
