@@ -11,7 +11,7 @@ granted about its vessels: that they were thrown on a wheel, so that axis and pr
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum, StrEnum
 
 import numpy as np
@@ -306,8 +306,7 @@ def _shape(
     outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions
 ) -> ThickPiece | LipPiece | TrimmedSurface:
     if outer.lip is not None:
-        drawn_in = outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
-        return lip_piece(replace(outer, trimmed=drawn_in))
+        return lip_piece(outer, around.fracture, clearance=options.clearance)
     if inner is not None:
         return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
