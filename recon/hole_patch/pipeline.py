@@ -11,7 +11,7 @@ granted about its vessels: that they were thrown on a wheel, so that axis and pr
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
 import numpy as np
