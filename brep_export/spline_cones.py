@@ -11,7 +11,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 from brep_export.check_topology import sub_shapes
 from brep_export.curves import curve_from_kernel
 from brep_export.surfaces import surface_from_kernel
-from recon.geometry.bspline import BSplineCurve, BSplineSurface
+from recon.geometry.bspline import BSplineCurve
 from recon.geometry.cone_volume import cone_volume, trimmed_cone_volume
 
 __all__ = ["spline_cone"]
@@ -30,11 +30,13 @@ def spline_cone(face: TopoDS_Face, apex: tuple[float, float, float]) -> float | 
         return None
     if kernel_surface.IsUPeriodic() or kernel_surface.IsVPeriodic():
         return None  # pcurves may run beyond the period, where the opened surface has nothing
-    pcurves = _pcurves(TopoDS.Face_s(face.Oriented(_FORWARD)))
-    if pcurves is None:
-        return None
-    surface = surface_from_kernel(kernel_surface)
-    volume = cone_volume(surface, apex) if _is_whole(surface, pcurves) else trimmed_cone_volume(surface, pcurves, apex)
+    if _is_whole(face, kernel_surface):
+        volume = cone_volume(surface_from_kernel(kernel_surface), apex)
+    else:
+        pcurves = _pcurves(TopoDS.Face_s(face.Oriented(_FORWARD)))
+        if pcurves is None:
+            return None
+        volume = trimmed_cone_volume(surface_from_kernel(kernel_surface), pcurves, apex)
     return -volume if face.Orientation() == _REVERSED else volume
 
 
@@ -60,15 +62,21 @@ def _neutral(curve: Geom2d_Curve, first: float, last: float) -> BSplineCurve:
     )
 
 
-def _is_whole(surface: BSplineSurface, pcurves: list[BSplineCurve]) -> bool:
-    """Whether the loops run along the border of the parameter rectangle alone, once around it."""
-    (u0, u1), (v0, v1) = surface.domain
-    low, size = np.array([u0, v0]), np.array([u1 - u0, v1 - v0])
-    scaled = [(c.control_points - low) / size for c in pcurves]
-    on_side = [
-        ((np.abs(p) < ON_BORDER) | (np.abs(p - 1.0) < ON_BORDER)) & (np.ptp(p, axis=0) < ON_BORDER) for p in scaled
-    ]
-    if not all(side.all(axis=0).any() for side in on_side):
-        return False
-    area = 0.5 * sum(float(np.linalg.det(p[[0, -1]])) for p in scaled)
-    return abs(area - 1.0) < 1e-6
+def _is_whole(face: TopoDS_Face, surface: Geom_BSplineSurface) -> bool:
+    """Whether the loops are straight lines along the border of the parameter rectangle, once around it."""
+    u0, u1, v0, v1 = surface.Bounds()
+    area = 0.0
+    for edge in (TopoDS.Edge_s(edge) for edge in sub_shapes(face.Oriented(_FORWARD), _EDGE)):
+        line = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
+        if not isinstance(line, Geom2d_Line):
+            return False
+        (ua, va), (ub, vb) = (line.Value(t).Coord() for t in BRep_Tool.Range_s(edge, face))
+        a, b, c, d = ((ua - u0) / (u1 - u0), (va - v0) / (v1 - v0), (ub - u0) / (u1 - u0), (vb - v0) / (v1 - v0))
+        if not any(_same(x, y) and (_same(x, 0.0) or _same(x, 1.0)) for x, y in ((a, c), (b, d))):
+            return False
+        area += 0.5 * (a * d - b * c) * (-1.0 if edge.Orientation() == _REVERSED else 1.0)
+    return _same(area, 1.0)
+
+
+def _same(x: float, y: float) -> bool:
+    return abs(x - y) < ON_BORDER

@@ -180,4 +180,6 @@ def _integrand(s: Floats, s_u: Floats, s_v: Floats) -> Floats:
 
     With S = A / w the parts of S_u and S_v along S drop out of the product: it is A . (A_u x A_v) / w^3.
     """
-    return np.asarray(np.einsum("...i,...i->...", s[..., :3], np.cross(s_u[..., :3], s_v[..., :3])) / s[..., 3] ** 3)
+    (ax, ay, az, w), (bx, by, bz, _), (cx, cy, cz, _) = (np.moveaxis(x, -1, 0) for x in (s, s_u, s_v))
+    triple = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    return np.asarray(triple / w**3)
