@@ -103,7 +103,7 @@ def summary(answer: Mapping[str, Any]) -> str:
     """A few lines for a person: the verdict, what the shape is, how far off it is, where it was written."""
     lines = [f"{answer['command']}: {answer['verdict']}"]
     lines += [f"  reason    {reason}" for reason in answer["reasons"]]
-    if answer["kernel"]:
+    if answer["kernel"] and answer["kernel"]["type"] is not None:
         lines.append(f"  shape     {_shape_line(answer['kernel'])}")
     if answer["error"]:
         e = answer["error"]
