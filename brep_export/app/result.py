@@ -121,7 +121,7 @@ def _is_short(value: Any) -> bool:
 
 def _shape_line(kernel: Mapping[str, Any]) -> str:
     state = f"{'closed' if kernel['closed'] else 'open'}, {'valid' if kernel['valid'] else 'NOT valid'}"
-    size = f"volume {kernel['volume']:.6g}, " if kernel["closed"] else ""
+    size = f"volume {kernel['volume']:.6g}, " if kernel["volume"] is not None else ""
     return (
         f"{state} {kernel['type']}; faces {kernel['faces']}, edges {kernel['edges']}; {size}area {kernel['area']:.6g}"
     )

@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from brep_export.app.cli import app
+from brep_export.app.result import summary
 
 a = np.linspace(0.0, 2.0 * np.pi, 400)
 ELLIPSE = np.stack([30.0 * np.cos(a), 20.0 * np.sin(a)], axis=1)
@@ -37,6 +38,7 @@ def test_a_closed_row_becomes_a_closed_edge(fitted):
     answer = json.loads(run.stdout)
     assert answer["kernel"]["type"] == "edge" and answer["kernel"]["closed"] and answer["kernel"]["read_back"]["same"]
     assert answer["error"]["max"] <= 0.01
+    assert "closed, valid edge" in summary(answer)
     assert answer["room"]["stopped_by"] == "tolerance" and answer["room"]["control_points"] < 40
     assert {path.name for path in folder.iterdir()} == {
         "row.csv",
