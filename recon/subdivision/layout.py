@@ -20,7 +20,7 @@ from scipy import sparse
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
 from recon.subdivision import catmull_clark
-from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
+from recon.subdivision.sheets import Sheets, cut_along_creases, fan_corners
 
 __all__ = ["Layout", "Rectangle", "isolated", "rectangles"]
 
@@ -36,7 +36,7 @@ class Layout(NamedTuple):
     """A mesh whose quads have one irregular corner at most.
 
     sheets    cut along creases; an irregular corner is corner 0
-    faces     (F, 4) the same faces over vertices that are not cut, and `across` (F, 4) their sides across
+    faces     (F, 4) the same faces over vertices that creases do not cut, and `across` (F, 4) their sides across
     points    (W, V) sparse, control points -> points of the sheets' vertices
     regular   (F,) whether the quad is an exact bicubic
     """
@@ -64,8 +64,10 @@ def isolated(mesh: ControlMesh) -> Layout:
     points = sparse.csr_array(
         (np.ones(len(behind)), behind, np.arange(len(behind) + 1)), shape=(len(behind), mesh.n_vertices)
     )
-    faces = mesh.faces_of(4)
-    whole = Sheets(faces, opposite_sides(faces), np.zeros(mesh.n_vertices, dtype=np.int64))
+    beside = opposite_sides(mesh.faces_of(4))
+    # two parts that touch in a vertex alone part there
+    faces = fan_corners(beside).reshape(beside.shape)
+    whole = Sheets(faces, beside, np.zeros(int(faces.max()) + 1, dtype=np.int64))
     irregular = _irregular_corners(sheets)
     if (irregular.sum(axis=1) > 1).any():
         step = catmull_clark.refine(sheets)
