@@ -28,10 +28,11 @@ from brep_export.faces import (
     straight_pcurve,
 )
 from brep_export.shells import make_shell
-from brep_export.solids import solid_of, volume_of
+from brep_export.solids import solid_of
 from brep_export.surfaces import kernel_surface
 from recon.errors import NotManifold
 from recon.geometry.bspline import BSplineSurface
+from recon.geometry.cone_volume import cone_volume
 from recon.geometry.patches import PatchMosaic
 from recon.tolerance import Tolerance
 
@@ -65,7 +66,12 @@ def mosaic_shape(mosaic: PatchMosaic, tolerance: Tolerance) -> TopoDS_Solid | To
         if len(uses[e]) == 2:
             BUILDER.Continuity(edges[e], faces[uses[e][0].patch], faces[uses[e][1].patch], GeomAbs_Shape.GeomAbs_G1)
     part, closed = _parts(mosaic, uses)
-    made = [_body([faces[p] for p in np.flatnonzero(part == k)], closed=bool(c)) for k, c in enumerate(closed)]
+    apex = mosaic.vertices.mean(axis=0)
+    volumes = np.bincount(part, [cone_volume(patch, apex) for patch in mosaic.patches])
+    made = [
+        _body([faces[p] for p in np.flatnonzero(part == k)], float(volumes[k]), closed=bool(c))
+        for k, c in enumerate(closed)
+    ]
     if len(made) == 1:
         return made[0]
     compound = TopoDS_Compound()
@@ -75,11 +81,10 @@ def mosaic_shape(mosaic: PatchMosaic, tolerance: Tolerance) -> TopoDS_Solid | To
     return compound
 
 
-def _body(faces: list[TopoDS_Shape], *, closed: bool) -> TopoDS_Solid | TopoDS_Shell:
+def _body(faces: list[TopoDS_Shape], volume: float, *, closed: bool) -> TopoDS_Solid | TopoDS_Shell:
     shell = make_shell(faces, closed=closed)
     if not closed:
         return shell
-    volume = volume_of(shell)
     if volume < 0:
         shell = make_shell([face.Reversed() for face in faces], closed=True)
     return solid_of([(shell, abs(volume))], "patch mosaic")

@@ -47,7 +47,7 @@ from recon.geometry.polyhedron import Polyhedron, merge_coplanar, mesh_bodies
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.tolerance import Tolerance
 
-__all__ = ["polyhedron_solid", "triangle_solid", "mesh_solid", "network_solid", "solid_of", "thick_solid", "lip_solid", "volume_of"]
+__all__ = ["polyhedron_solid", "triangle_solid", "mesh_solid", "network_solid", "solid_of", "thick_solid", "lip_solid"]
 
 Floats = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ def network_solid(network: PatchNetwork, tolerance: Tolerance) -> TopoDS_Solid:
     """
     shell = network_shell(network, tolerance)
     _refuse_open(network)
-    volume = volume_of(shell)
+    volume = _volume(shell)
     if volume < 0:
         shell = make_shell([face.Reversed() for face in _faces(shell)], closed=True)
     return solid_of([(shell, abs(volume))], "patch network")
@@ -173,7 +173,7 @@ def _parts(pairs: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def volume_of(shape: TopoDS_Shape) -> float:
+def _volume(shape: TopoDS_Shape) -> float:
     """Signed volume by the kernel's plain quadrature: good enough for its sign."""
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(shape, properties)
@@ -219,7 +219,7 @@ def thick_solid(piece: ThickPiece, tolerance: Tolerance) -> TopoDS_Solid:
         *(_wall_face(walls[k], (rims[0][k], crosses[(k + 1) % n], rims[1][k], crosses[k])) for k in range(n)),
     ]
     shell = make_shell(faces, closed=True)
-    return solid_of([(shell, volume_of(shell))], "thick piece")
+    return solid_of([(shell, _volume(shell))], "thick piece")
 
 
 def _corners(walls: tuple[BSplineSurface, ...], row: int) -> Floats:
@@ -304,7 +304,7 @@ def lip_solid(piece: LipPiece, tolerance: Tolerance) -> TopoDS_Solid:
         *(_wall_face(walls[k], (rims[0][k], crosses[k + 1], rims[1][k], crosses[k])) for k in range(n)),
     ]
     shell = make_shell(faces, closed=True)
-    return solid_of([(shell, volume_of(shell))], "piece of the rim")
+    return solid_of([(shell, _volume(shell))], "piece of the rim")
 
 
 def _border(wall: BSplineSurface, row: int, ends: list[TopoDS_Vertex]) -> TopoDS_Edge:
