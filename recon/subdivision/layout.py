@@ -55,8 +55,8 @@ class Rectangle(NamedTuple):
     turns: Ints
 
 
-def isolated(mesh: ControlMesh) -> Layout:
-    """The mesh, or the mesh refined once, such that no quad has two irregular corners.
+def isolated(mesh: ControlMesh, steps: int = 0) -> Layout:
+    """The mesh refined so often, and once more where a quad would have two irregular corners.
 
     Raises  BadGeometry when a face is no quadrilateral; NotManifold.
     """
@@ -69,13 +69,10 @@ def isolated(mesh: ControlMesh) -> Layout:
     faces = fan_corners(beside).reshape(beside.shape)
     whole = Sheets(faces, beside, np.zeros(int(faces.max()) + 1, dtype=np.int64))
     irregular = _irregular_corners(sheets)
-    if (irregular.sum(axis=1) > 1).any():
-        step = catmull_clark.refine(sheets)
-        whole = catmull_clark.split_faces(whole)
-        irregular = _irregular_corners(step.sheets)
-        return Layout(
-            step.sheets, whole.faces, whole.across, sparse.csr_array(step.matrix @ points), ~irregular.any(axis=1)
-        )
+    while steps > 0 or (irregular.sum(axis=1) > 1).any():
+        step, whole = catmull_clark.refine(sheets), catmull_clark.split_faces(whole)
+        sheets, points, steps = step.sheets, sparse.csr_array(step.matrix @ points), steps - 1
+        irregular = _irregular_corners(sheets)
     turns = irregular.argmax(axis=1)
     turned, across = _turned(sheets.faces, sheets.across, turns)
     whole_faces, whole_across = _turned(whole.faces, whole.across, turns)
