@@ -6,7 +6,8 @@ reported beside its cause.
 
     1  every shell closed, in one piece, and marked so      shell-open  shell-in-pieces  shell-flag  no-solid  no-shell
     2  every edge used twice, in opposite directions        edge-overused  face-flipped  free-edge
-    3  the kernel's check; tolerance >= gap; <= asked for   kernel-invalid  edge-gap  vertex-gap  tolerance
+    3  the kernel's check; tolerance >= gap; <= asked for;  kernel-invalid  edge-gap  vertex-gap  tolerance
+       smooth edges smooth to the angle asked for           edge-angle
     4  triangles: all faces, closed, oriented, no cuts      face-without-triangles  mesh-...  self-intersection
     5  volume positive, and the triangles agree             inside-out  volume-mismatch
     6  the point at infinity is outside                     infinity-inside
@@ -27,10 +28,11 @@ from OCP.TopAbs import TopAbs_State
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.check_geometry import (
+    angle_defects,
+    edge_angles,
     edge_gaps,
     gap_defects,
     kernel_defects,
-    max_edge_angle,
     max_tolerance,
     tolerance_defects,
 )
@@ -73,7 +75,8 @@ class CheckReport:
 
     defects        every broken line, each with its place
     max_gap        largest distance between an edge and its faces or vertices
-    max_edge_angle radians, between tangent planes along inner edges; reported, never judged
+    max_edge_angle radians, between tangent planes along inner edges, sharp ones too
+    max_smooth_edge_angle  the same along those that the shape says are smooth; None where it says so of none
     triangulation  the triangles of the shape, for pictures and mesh files
     free_edges     polylines of the edges with one face
     """
@@ -86,6 +89,7 @@ class CheckReport:
     max_tolerance: float = 0.0
     max_gap: float = 0.0
     max_edge_angle: float = 0.0
+    max_smooth_edge_angle: float | None = None
     self_intersections: int = 0
     triangulation: TriangleMesh | None = None
     free_edges: tuple[tuple[Point, ...], ...] = ()
@@ -135,6 +139,9 @@ class CheckReport:
             "max_tolerance": self.max_tolerance,
             "max_gap": self.max_gap,
             "max_edge_angle_deg": degrees(self.max_edge_angle),
+            "max_smooth_edge_angle_deg": None
+            if self.max_smooth_edge_angle is None
+            else degrees(self.max_smooth_edge_angle),
             "self_intersections": self.self_intersections,
             "read_back": self.read_back.as_json() if self.read_back else None,
             "gate": [{"line": line, "passed": passed} for line, passed in self.lines()],
@@ -178,12 +185,13 @@ def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, defl
     measures = measure(shape)
     closing = closing_defects(uses)
     structure = closing + edge_use_defects(uses) + ([] if closing else _free_edge_defects(uses))
-    gaps = edge_gaps(uses)
+    gaps, angles = edge_gaps(uses), edge_angles(uses)
     fit = gap_defects(uses, gaps) + tolerance_defects(uses, shape, tolerance.fit)
     valid, invalid = kernel_defects(shape, _explained(structure + fit))
     deflection = deflection or max(1e-3 * dist(*measures.bounding_box), 1e-9)
     triangles, mesh_defects, cuts = _triangulation_defects(shape, uses, deflection, closes=not structure)
     defects = _kind_defects(uses, expect) + structure + fit + invalid + mesh_defects
+    defects += angle_defects(uses, angles, tolerance.angle)
     if not structure and not triangles.missing and uses.is_solid.any():
         defects += _volume_defects(measures, triangles, uses, deflection)
     free = uses.free_edges()
@@ -195,7 +203,8 @@ def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, defl
         closed=not free and not structure,
         max_tolerance=max_tolerance(shape),
         max_gap=gaps.largest(),
-        max_edge_angle=max_edge_angle(uses),
+        max_edge_angle=angles.overall(),
+        max_smooth_edge_angle=angles.over_smooth_edges(),
         self_intersections=cuts,
         triangulation=triangles.mesh,
         free_edges=tuple(tuple(edge_polyline(edge)) for edge in free),

@@ -8,19 +8,23 @@ and its Gauss-Kronrod rules by 0.1 %, in a hundred times the time.
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepGProp import BRepGProp, BRepGProp_Domain, BRepGProp_Face, BRepGProp_VinertGK
 from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
-from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from brep_export.check_topology import ShapeKind, sub_shapes
-from brep_export.spline_cones import spline_cone
+from brep_export.spline_cones import spline_cone, whole_surface
+from recon.geometry.bspline import BSplineSurface
+from recon.geometry.cone_volume import surface_moments
 
 __all__ = ["ShapeMeasures", "measure", "kind_of", "count"]
 
@@ -66,23 +70,56 @@ def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3) -> ShapeMeasur
     relative_error  of the volume of faces that are no B-splines, asked of the Gauss-Kronrod rule
     """
     solids = list(sub_shapes(shape, _SOLID))
-    of_area, of_volume = GProp_GProps(), GProp_GProps()
-    BRepGProp.SurfaceProperties_s(shape, of_area)
-    for solid in solids:
-        BRepGProp.VolumeProperties_s(solid, of_volume)  # for the centroid, near enough
-    centre = (of_volume if solids else of_area).CentreOfMass()
-    apex = (centre.X(), centre.Y(), centre.Z())
+    faces = [TopoDS.Face_s(face) for face in sub_shapes(shape, _FACE)]
+    surfaces = [whole_surface(face) for face in faces]
+    known = [surface for surface in surfaces if surface is not None]
+    if faces and len(known) == len(faces) and len(solids) == count(shape, _SHELL) <= 1:
+        volumes, area, centre, box = _of_splines(faces, known, solid=bool(solids))
+    else:
+        volumes, area, centre = _of_any(shape, solids, relative_error)
+        box = _bounding_box(shape)
     return ShapeMeasures(
         kind_of(shape),
         len(solids),
         count(shape, _SHELL),
         count(shape, _FACE),
         _count_edges(shape),
-        tuple(_volume(solid, relative_error, apex) for solid in solids),
-        float(of_area.Mass()),
-        apex,
-        _bounding_box(shape),
+        volumes,
+        area,
+        centre,
+        box,
     )
+
+
+def _of_any(
+    shape: TopoDS_Shape, solids: list[TopoDS_Shape], relative_error: float
+) -> tuple[tuple[float, ...], float, Point]:
+    of_area, of_volume = GProp_GProps(), GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, of_area)
+    for solid in solids:
+        BRepGProp.VolumeProperties_s(solid, of_volume)  # for the centroid, near enough
+    centre = (of_volume if solids else of_area).CentreOfMass()
+    apex = (centre.X(), centre.Y(), centre.Z())
+    return tuple(_volume(solid, relative_error, apex) for solid in solids), float(of_area.Mass()), apex
+
+
+def _of_splines(
+    faces: list[TopoDS_Face], surfaces: list[BSplineSurface], *, solid: bool
+) -> tuple[tuple[float, ...], float, Point, tuple[Point, Point]]:
+    """The same for one body all of whose faces are whole B-spline surfaces: ten times as fast as the kernel."""
+    low = np.array([surface.control_net.min(axis=(0, 1)) for surface in surfaces])
+    high = np.array([surface.control_net.max(axis=(0, 1)) for surface in surfaces])
+    apex = 0.5 * (low.min(axis=0) + high.max(axis=0))
+    found = [surface_moments(surface, apex) for surface in surfaces]
+    signs = [-1.0 if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0 for face in faces]
+    volume, area = sum(s * m.volume for s, m in zip(signs, found)), sum(m.area for m in found)
+    moment = sum(s * m.volume_moment / volume if solid else m.area_moment / area for s, m in zip(signs, found))
+    centre = apex + moment
+    # a face whose control points stay inside the box of the others' corners does not reach the box
+    corners = np.concatenate([surface.control_net[:: len(surface.control_net) - 1].reshape(-1, 3) for surface in surfaces])
+    reaching = (low < corners.min(axis=0)).any(axis=1) | (high > corners.max(axis=0)).any(axis=1)
+    box = _bounding_box_of([face for face, reaches in zip(faces, reaching) if reaches], corners)
+    return (volume,) if solid else (), area, (float(centre[0]), float(centre[1]), float(centre[2])), box
 
 
 def _volume(solid: TopoDS_Shape, relative_error: float, apex: Point) -> float:
@@ -138,6 +175,19 @@ def _loose(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnu
 def _bounding_box(shape: TopoDS_Shape) -> tuple[Point, Point]:
     box = Bnd_Box()
     BRepBndLib.AddOptimal_s(shape, box, False, False)
+    return _corners(box)
+
+
+def _bounding_box_of(faces: list[TopoDS_Face], points: NDArray[np.float64]) -> tuple[Point, Point]:
+    box = Bnd_Box()
+    for point in (points.min(axis=0), points.max(axis=0)):
+        box.Add(gp_Pnt(*(float(x) for x in point)))
+    for face in faces:
+        BRepBndLib.AddOptimal_s(face, box, False, False)
+    return _corners(box)
+
+
+def _corners(box: Bnd_Box) -> tuple[Point, Point]:
     if box.IsVoid():
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     low, high = box.CornerMin(), box.CornerMax()

@@ -11,10 +11,10 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 from brep_export.check_topology import sub_shapes
 from brep_export.curves import curve_from_kernel
 from brep_export.surfaces import surface_from_kernel
-from recon.geometry.bspline import BSplineCurve
+from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.cone_volume import cone_volume, trimmed_cone_volume
 
-__all__ = ["spline_cone"]
+__all__ = ["spline_cone", "whole_surface"]
 
 _EDGE = TopAbs_ShapeEnum.TopAbs_EDGE
 _FORWARD, _REVERSED = TopAbs_Orientation.TopAbs_FORWARD, TopAbs_Orientation.TopAbs_REVERSED
@@ -38,6 +38,16 @@ def spline_cone(face: TopoDS_Face, apex: tuple[float, float, float]) -> float | 
             return None
         volume = trimmed_cone_volume(surface_from_kernel(kernel_surface), pcurves, apex)
     return -volume if face.Orientation() == _REVERSED else volume
+
+
+def whole_surface(face: TopoDS_Face) -> BSplineSurface | None:
+    """The surface of a face that is a whole polynomial B-spline surface; None of any other."""
+    surface = BRep_Tool.Surface_s(face)
+    if not isinstance(surface, Geom_BSplineSurface) or surface.IsURational() or surface.IsVRational():
+        return None
+    if surface.IsUPeriodic() or surface.IsVPeriodic() or not _is_whole(face, surface):
+        return None
+    return surface_from_kernel(surface)
 
 
 def _pcurves(face: TopoDS_Face) -> list[BSplineCurve] | None:

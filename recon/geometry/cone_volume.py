@@ -17,6 +17,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +26,7 @@ from scipy import sparse
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.numerics.bspline_basis import basis_matrix
 
-__all__ = ["cone_volume", "trimmed_cone_volume"]
+__all__ = ["Moments", "cone_volume", "surface_moments", "trimmed_cone_volume"]
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +52,35 @@ def cone_volume(surface: BSplineSurface, apex: ArrayLike = ORIGIN) -> float:
     )  # (i, 4, j) each
     f = _integrand(*(x.transpose(0, 2, 1) for x in (s, s_u, s_v)))
     return float(weight_u @ f @ weight_v) / 3.0
+
+
+class Moments(NamedTuple):
+    """Integrals over a surface: of the cone over it from an apex, and of its area; first moments from that apex."""
+
+    volume: float
+    volume_moment: Floats
+    area: float
+    area_moment: Floats
+
+
+def surface_moments(surface: BSplineSurface, apex: ArrayLike = ORIGIN) -> Moments:
+    """Volume, area and their first moments of a whole surface without weights.
+
+    Promises  volume and its moment exact to rounding but for the rule's degree; area within about 1e-6.
+    """
+    net = surface.control_net - np.asarray(apex, dtype=np.float64)
+    u, slope_u, weight_u = _rule(surface.degree_u, surface.knots_u.tobytes(), 0)
+    v, slope_v, weight_v = _rule(surface.degree_v, surface.knots_v.tobytes(), 0)
+    rows, rows_u = np.tensordot(u, net, axes=1), np.tensordot(slope_u, net, axes=1)
+    s, s_u, s_v = (np.einsum("jb,ibx->xij", b, r) for r, b in ((rows, v), (rows_u, v), (rows, slope_v)))
+    normal = np.stack([s_u[i - 2] * s_v[i - 1] - s_u[i - 1] * s_v[i - 2] for i in range(3)])
+    weight = np.outer(weight_u, weight_v)
+    cone = np.einsum("xij,xij->ij", s, normal) * weight / 3.0
+    element = np.sqrt(np.einsum("xij,xij->ij", normal, normal)) * weight
+    # the middle of a thin cone lies three quarters of the way from its apex
+    return Moments(
+        float(cone.sum()), 0.75 * np.einsum("ij,xij->x", cone, s), float(element.sum()), np.einsum("ij,xij->x", element, s)
+    )
 
 
 def trimmed_cone_volume(surface: BSplineSurface, pcurves: Iterable[BSplineCurve], apex: ArrayLike = ORIGIN) -> float:
