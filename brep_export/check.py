@@ -54,6 +54,17 @@ __all__ = ["CheckReport", "ShapeKind", "check"]
 
 Point = tuple[float, float, float]
 
+# what each line of the gate says of a shape that passes it, and the beginnings of the codes of its defects
+LINES = (
+    ("every shell is closed and in one piece", ("shell-", "no-", "not-a-", "beside-solids", "kernel-failure")),
+    ("every edge is used twice, in opposite directions", ("edge-overused", "face-flipped", "free-edge")),
+    ("the kernel's check passes, and tolerances cover the gaps", ("kernel-invalid", "edge-gap", "vertex-gap", "toler")),
+    ("the triangles close and do not cut each other", ("face-without-triangles", "mesh-", "self-intersection")),
+    ("the volume is positive, and the triangles agree", ("inside-out", "volume-mismatch")),
+    ("the point at infinity is outside", ("infinity-",)),
+    ("the file reads back as what was written", ("read-back-",)),
+)
+
 
 @dataclass(frozen=True, eq=False)
 class CheckReport:
@@ -125,7 +136,14 @@ class CheckReport:
             "max_edge_angle_deg": degrees(self.max_edge_angle),
             "self_intersections": self.self_intersections,
             "read_back": self.read_back.as_json() if self.read_back else None,
+            "gate": [{"line": line, "passed": passed} for line, passed in self.lines()],
         }
+
+    def lines(self) -> tuple[tuple[str, bool | None], ...]:
+        """Every line of the gate and whether it passed; None for the last one where no file was read back."""
+        codes = [defect.code for defect in self.defects]
+        judged = [(line, not any(code.startswith(begin) for code in codes)) for line, begin in LINES]
+        return (*judged[:-1], (LINES[-1][0], judged[-1][1] if self.read_back else None))
 
 
 def check(

@@ -9,7 +9,7 @@ angle  between the tangent planes of two faces at a point of their common edge; 
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from math import atan2, inf
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,11 +204,11 @@ def max_edge_angle(uses: EdgeUses, n: int = 7) -> float:
     if not len(rows):
         return 0.0
     surfaces = {f: _surface(uses.faces[f]) for f in np.unique(uses.face[rows])}
-    one, other = (np.array([_normals(uses, use, surfaces, n) for use in column]) for column in rows.T)
-    sine = np.linalg.norm(np.cross(one, other), axis=2)
+    one, other = (_normals(np.array([_tangents(uses, use, surfaces, n) for use in column])) for column in rows.T)
+    sine = np.linalg.norm(_cross(one, other), axis=2)
     cosine = np.einsum("eij,eij->ei", one, other)
-    angles = np.array([atan2(s, c) for s, c in zip(sine.ravel(), cosine.ravel()) if s > 0.0 or c != 0.0])
-    return float(angles.max()) if len(angles) else 0.0
+    known = (sine > 0.0) | (cosine != 0.0)
+    return float(np.arctan2(sine[known], cosine[known]).max(initial=0.0))
 
 
 def _inner_edge_uses(uses: EdgeUses) -> NDArray[np.int64]:
@@ -223,33 +223,48 @@ def _inner_edge_uses(uses: EdgeUses) -> NDArray[np.int64]:
     return np.stack([order[first], order[first + 1]], axis=1)
 
 
-def _normals(uses: EdgeUses, use: int, surfaces: dict[int, BRepAdaptor_Surface | None], n: int) -> Floats:
-    """(n, 3) unit normals of the face along one use of an edge, pointing out of the body; zero where there is none."""
+def _tangents(
+    uses: EdgeUses, use: int, surfaces: dict[int, BRepAdaptor_Surface | None], n: int
+) -> list[tuple[float, ...]]:
+    """Two tangent vectors, in one row of 6 numbers, of the face at n places along one use of an edge.
+
+    Their cross product points out of the body; it is zero where the face is not known there.
+    """
     edge, face = uses.use_edges[use], uses.faces[uses.face[use]]
     surface = surfaces[int(uses.face[use])]
     if surface is None or BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) is None:
-        return np.zeros((n, 3))
-    sign = -1.0 if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
+        return [(0.0,) * 6] * n
+    reverse = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
     if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
-        plane = surface.Plane()
-        normal = plane.Axis().Direction().XYZ().Multiplied(sign if plane.Direct() else -sign)
-        return np.tile(normal.Coord(), (n, 1))
+        position = surface.Plane().Position()
+        axes = (position.XDirection().Coord(), position.YDirection().Coord())
+        return [axes[1] + axes[0] if reverse else axes[0] + axes[1]] * n
     curve = BRepAdaptor_Curve2d(edge, face)
-    # the very ends of an edge may lie on a collapsed side, where a normal is all rounding
-    t = np.linspace(0.001, 0.999, n) * (curve.LastParameter() - curve.FirstParameter()) + curve.FirstParameter()
+    first, last = curve.FirstParameter(), curve.LastParameter()
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    pair = (along_v, along_u) if reverse else (along_u, along_v)
     rows = []
-    for parameter in t.tolist():
-        on_face = curve.Value(parameter)
+    for k in range(n):
+        # the very ends of an edge may lie on a collapsed side, where a normal is all rounding
+        on_face = curve.Value(first + (0.001 + 0.998 * k / (n - 1)) * (last - first))
         surface.D1(on_face.X(), on_face.Y(), point, along_u, along_v)
-        rows.append((along_u.X(), along_u.Y(), along_u.Z(), along_v.X(), along_v.Y(), along_v.Z()))
-    table = np.array(rows)
-    normals = sign * np.cross(table[:, :3], table[:, 3:])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    least = (
-        1e-9 * np.linalg.norm(table[:, :3], axis=1, keepdims=True) * np.linalg.norm(table[:, 3:], axis=1, keepdims=True)
-    )
-    return np.where(length > least, normals / np.where(length > 0.0, length, 1.0), 0.0)
+        rows.append(pair[0].Coord() + pair[1].Coord())
+    return rows
+
+
+def _normals(tangents: Floats) -> Floats:
+    """(..., 3) unit normals from pairs of tangents (..., 6); zero where these are parallel but for rounding."""
+    one, other = tangents[..., :3], tangents[..., 3:]
+    normals = _cross(one, other)
+    length, sizes = np.linalg.norm(normals, axis=-1), np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    sound = length > 1e-9 * sizes
+    return np.asarray(normals * np.divide(1.0, length, out=np.zeros_like(length), where=sound)[..., None])
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Cross products of (..., 3) vectors, without the bookkeeping that makes numpy's slow on small arrays."""
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 _CHECKED = (

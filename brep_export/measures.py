@@ -1,8 +1,9 @@
 """How large a shape is, how many parts it has, and what kind it is.
 
-Volumes are integrated by Gauss-Kronrod rules.  The kernel's adaptive Gauss integration, the one that takes an epsilon
-alone, was wrong by up to 9 % on faces bounded by one long spline edge while it reported an error of 1e-8, and its
-plain integration by 1 %; see `measure`.
+Volumes are integrated here where faces are B-splines, exactly from their control points, and by the kernel's
+Gauss-Kronrod rules elsewhere.  The kernel's adaptive Gauss integration, the one that takes an epsilon alone, was wrong
+by up to 9 % on faces bounded by one long spline edge while it reported an error of 1e-8, its plain integration by 1 %,
+and its Gauss-Kronrod rules by 0.1 %, in a hundred times the time.
 """
 
 from dataclasses import dataclass
@@ -10,14 +11,16 @@ from dataclasses import dataclass
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
-from OCP.BRepGProp import BRepGProp
+from OCP.BRepGProp import BRepGProp, BRepGProp_Domain, BRepGProp_Face, BRepGProp_VinertGK
+from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from brep_export.check_topology import ShapeKind, sub_shapes
+from brep_export.spline_cones import spline_cone
 
 __all__ = ["ShapeMeasures", "measure", "kind_of", "count"]
 
@@ -29,6 +32,8 @@ _SOLID, _SHELL, _FACE, _EDGE = (
     TopAbs_ShapeEnum.TopAbs_FACE,
     TopAbs_ShapeEnum.TopAbs_EDGE,
 )
+
+FEW = 16  # faces up to which the kernel is asked for all of them at once
 
 
 @dataclass(frozen=True)
@@ -60,33 +65,43 @@ class ShapeMeasures:
 def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3) -> ShapeMeasures:
     """Measure a shape with the kernel's own geometry.
 
-    relative_error  of the volume of a face, asked of the Gauss-Kronrod rule; what comes out is usually ten times better
+    relative_error  of the volume of faces that are no B-splines, asked of the Gauss-Kronrod rule
     """
     solids = list(sub_shapes(shape, _SOLID))
     of_area, of_volume = GProp_GProps(), GProp_GProps()
     BRepGProp.SurfaceProperties_s(shape, of_area)
     for solid in solids:
-        BRepGProp.VolumeProperties_s(
-            solid, of_volume
-        )  # for the centroid, which takes Gauss-Kronrod three times as long
+        BRepGProp.VolumeProperties_s(solid, of_volume)  # for the centroid, near enough
     centre = (of_volume if solids else of_area).CentreOfMass()
+    apex = (centre.X(), centre.Y(), centre.Z())
     return ShapeMeasures(
         kind_of(shape),
         len(solids),
         count(shape, _SHELL),
         count(shape, _FACE),
         _count_edges(shape),
-        tuple(_volume(solid, relative_error) for solid in solids),
+        tuple(_volume(solid, relative_error, apex) for solid in solids),
         float(of_area.Mass()),
-        (centre.X(), centre.Y(), centre.Z()),
+        apex,
         _bounding_box(shape),
     )
 
 
-def _volume(solid: TopoDS_Shape, relative_error: float) -> float:
-    properties = GProp_GProps()
-    BRepGProp.VolumePropertiesGK_s(solid, properties, relative_error, False, False, False, False, False)
-    return float(properties.Mass())
+def _volume(solid: TopoDS_Shape, relative_error: float, apex: Point) -> float:
+    """Cones from the apex over all faces, the B-spline ones here, the others by the kernel."""
+    faces = [TopoDS.Face_s(face) for face in sub_shapes(solid, _FACE)]
+    cones = [spline_cone(face, apex) for face in faces]
+    if all(cone is None for cone in cones):
+        properties = GProp_GProps()
+        BRepGProp.VolumePropertiesGK_s(solid, properties, relative_error, False, False, False, False, False)
+        return float(properties.Mass())
+    return sum(_kernel_cone(f, apex, relative_error) if c is None else c for f, c in zip(faces, cones))
+
+
+def _kernel_cone(face: TopoDS_Face, apex: Point, relative_error: float) -> float:
+    # the kernel's own sum over a compound of faces measures from a place of its own choice, and does not add up
+    within = BRepGProp_Domain(face)
+    return float(BRepGProp_VinertGK(BRepGProp_Face(face), within, gp_Pnt(*apex), relative_error, False, False).Mass())
 
 
 def kind_of(shape: TopoDS_Shape) -> ShapeKind:
@@ -121,8 +136,35 @@ def _loose(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnu
 
 
 def _bounding_box(shape: TopoDS_Shape) -> tuple[Point, Point]:
+    """The box that fits tightly, which the kernel takes long to find: asked only of faces that may reach beyond others.
+
+    The kernel's quick box of a face contains it, so that one within the box of what is known already adds nothing.
+    """
     box = Bnd_Box()
-    BRepBndLib.AddOptimal_s(shape, box, False, False)
+    faces = _parts(shape, _FACE)
+    if len(faces) <= FEW:
+        BRepBndLib.AddOptimal_s(shape, box, False, False)
+        return _corners(box)
+    for vertex in _parts(shape, TopAbs_ShapeEnum.TopAbs_VERTEX):
+        box.Add(BRep_Tool.Pnt_s(TopoDS.Vertex_s(vertex)))
+    quick = []
+    for face in faces:
+        own = Bnd_Box()
+        BRepBndLib.Add_s(face, own, False)
+        quick.append((_reach(own, box), face, own))
+    for reach, face, own in sorted(quick, key=lambda entry: -entry[0]):
+        if reach > 0.0 and _reach(own, box) > 0.0:
+            BRepBndLib.AddOptimal_s(face, box, False, False)
+    return _corners(box)
+
+
+def _reach(inner: Bnd_Box, outer: Bnd_Box) -> float:
+    """How far the first box reaches out of the second at most."""
+    (low, high), (least, most) = _corners(inner), _corners(outer)
+    return max(max(b - a, c - d) for a, b, c, d in zip(low, least, high, most))
+
+
+def _corners(box: Bnd_Box) -> tuple[Point, Point]:
     if box.IsVoid():
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     low, high = box.CornerMin(), box.CornerMax()

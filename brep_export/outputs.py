@@ -1,6 +1,7 @@
-"""Several files of one shape, all or none, each in the format of its ending."""
+"""Several files of one shape, or of several, all or none, each in the format of its ending."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from OCP.TopoDS import TopoDS_Shape
@@ -16,7 +17,7 @@ from brep_export.step import StepSchema, write_step
 from recon.errors import NotWritten, ReconError, UnsupportedFormat
 from recon.geometry.mesh import TriangleMesh
 
-__all__ = ["WRITABLE", "require_writable", "write_outputs"]
+__all__ = ["WRITABLE", "Consignment", "require_writable", "write_outputs", "write_together"]
 
 WRITABLE = STEP_ENDINGS + IGES_ENDINGS + BREP_ENDINGS + MESH_ENDINGS
 
@@ -26,6 +27,23 @@ def require_writable(paths: Sequence[str | Path]) -> None:
     for path in paths:
         if Path(path).suffix.lower() not in WRITABLE:
             raise UnsupportedFormat(str(path), WRITABLE)
+
+
+@dataclass(frozen=True, eq=False)
+class Consignment:
+    """One shape and the files it goes to.
+
+    mesh      triangles of the shape, for the mesh formats
+    beside    further files that belong to the same result, each with the function that writes it
+    measures  of the shape, where they are known already
+    """
+
+    shape: TopoDS_Shape
+    mesh: TriangleMesh
+    paths: Sequence[str | Path]
+    header: FileHeader = FileHeader()  # noqa: RUF009  (frozen)
+    beside: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
+    measures: ShapeMeasures | None = None
 
 
 def write_outputs(
@@ -48,18 +66,39 @@ def write_outputs(
     Promises      when anything fails no path has changed.
     Raises        UnsupportedFormat; NotWritten naming the path and what changed.
     """
-    require_writable(paths)
-    measures = measure(shape)
-    beside = beside or {}
-    with staged(*paths, *beside, announce=announce) as temporary:
-        results = []
-        for path, written in zip(paths, temporary):
-            result = _write_one(shape, mesh, (Path(path), written), header=header, schema=schema, measures=measures)
-            if result.defects and not allow_change:
-                raise NotWritten(str(path), "; ".join(str(defect) for defect in result.defects))
-            results.append(result)
-        for write, path in zip(beside.values(), temporary[len(paths) :]):
-            write(path)
+    only = Consignment(shape, mesh, paths, header, beside or {})
+    return write_together([only], schema=schema, allow_change=allow_change, announce=announce)[0]
+
+
+def write_together(
+    consignments: Sequence[Consignment],
+    *,
+    schema: StepSchema = StepSchema.AP214,
+    allow_change: bool = False,
+    announce: Callable[[Path], None] = lambda path: None,
+) -> tuple[tuple[ReadBack, ...], ...]:
+    """The same with several shapes, each to files of its own: all files are put in place together, or none is."""
+    for one in consignments:
+        require_writable(one.paths)
+    places = [path for one in consignments for path in (*one.paths, *one.beside)]
+    with staged(*places, announce=announce) as temporary:
+        left = iter(temporary)
+        return tuple(_written(one, left, schema=schema, allow_change=allow_change) for one in consignments)
+
+
+def _written(
+    one: Consignment, temporary: Iterator[Path], *, schema: StepSchema, allow_change: bool
+) -> tuple[ReadBack, ...]:
+    measures = one.measures or measure(one.shape)
+    results = []
+    for path, written in zip(one.paths, temporary):
+        place = (Path(path), written)
+        result = _write_one(one.shape, one.mesh, place, header=one.header, schema=schema, measures=measures)
+        if result.defects and not allow_change:
+            raise NotWritten(str(path), "; ".join(str(defect) for defect in result.defects))
+        results.append(result)
+    for write, written in zip(one.beside.values(), temporary):
+        write(written)
     return tuple(results)
 
 

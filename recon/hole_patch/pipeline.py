@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadOption, NoSurface
+from recon.errors import BadOption, NoHole, NoSurface, NoWall
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.hole_patch.box_route import box_sheet
@@ -27,14 +27,25 @@ from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.relief import ReliefSheet, continue_relief
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
-from recon.hole_patch.sherds import separate, surroundings
+from recon.hole_patch.sherds import Hole, Reading, read_sherds, separate, surroundings_in, what_was_found
 from recon.hole_patch.surroundings import Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
 from recon.hole_patch.wheel_sheet import wheel_sheet
 
-__all__ = ["MissingPiece", "PatchMethod", "PatchOptions", "Relief", "WallThickness", "patch_hole"]
+__all__ = [
+    "Attempt",
+    "HolesFound",
+    "MissingPiece",
+    "PatchMethod",
+    "PatchOptions",
+    "Relief",
+    "WallThickness",
+    "list_holes",
+    "patch_hole",
+    "patch_holes",
+]
 
 Floats = NDArray[np.float64]
 
@@ -128,6 +139,35 @@ class MissingPiece:
     notes: tuple[str, ...] = field(default=())
 
 
+@dataclass(frozen=True, eq=False)
+class HolesFound:
+    """The holes between sherds.
+
+    sherds    one by one, as settled, if they were
+    reading   what was understood of them
+    settling  how far each of them was moved; None where they were left as they came
+    """
+
+    sherds: tuple[TriangleMesh, ...]
+    reading: Reading
+    settling: Settling | None = None
+
+    @property
+    def holes(self) -> tuple[Hole, ...]:
+        """The longest edge first; a hole's place here is its number."""
+        return self.reading.holes
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What came of one hole: its piece, or the reason why there is none."""
+
+    number: int
+    hole: Hole
+    piece: MissingPiece | None
+    reason: str = ""
+
+
 def patch_hole(
     sherds: Sequence[TriangleMesh],
     options: PatchOptions | None = None,
@@ -144,21 +184,76 @@ def patch_hole(
     """
     # the matrices are small: threads of the linear algebra library wait for each other ten times as long as they work
     with threadpool_limits(limits=1, user_api="blas"):
-        return _patched(sherds, options or PatchOptions(), doing)
+        options = options or PatchOptions()
+        return _piece(_found(sherds, options, doing), options, doing)
 
 
-def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Callable[[str], None]) -> MissingPiece:
+def patch_holes(
+    sherds: Sequence[TriangleMesh],
+    options: PatchOptions | None = None,
+    *,
+    doing: Callable[[str], None] = lambda step: None,
+) -> tuple[Attempt, ...]:
+    """The pieces that are missing from every hole between the sherds, in the order and numbers of `HolesFound`.
+
+    Parameters as of `patch_hole`; a hole that cannot be patched comes with the reason in place of a piece.
+    Raises  NoHole when the sherds surround none; BadOption, also when the options choose a hole; BadGeometry.
+    """
+    options = options or PatchOptions()
+    if options.hole is not None or options.picks is not None:
+        raise BadOption("--hole", "all holes are patched: leave out the number, and the picks")
+    with threadpool_limits(limits=1, user_api="blas"):
+        found = _found(sherds, options, doing)
+        if not found.holes:
+            raise NoHole(what_was_found(found.reading))
+        if found.reading.axis is None:
+            raise NoHole(
+                "the sherds fit no wheel, so holes cannot be told from the mouth: choose one by its number (--hole)."
+            )
+        return tuple(_attempt(number, found, options, doing) for number in range(len(found.holes)))
+
+
+def list_holes(
+    sherds: Sequence[TriangleMesh],
+    options: PatchOptions | None = None,
+    *,
+    doing: Callable[[str], None] = lambda step: None,
+) -> HolesFound:
+    """The holes between the sherds, numbered as `patch_hole` numbers them; sherds are settled first if the options say.
+
+    Raises  NoHole when closed sherds fit no wheel's axis; NotManifold, BadGeometry.
+    """
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _found(sherds, options or PatchOptions(), doing)
+
+
+def _found(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Callable[[str], None]) -> HolesFound:
     sherds = separate(sherds)
     settling = None
     if options.settle and len(sherds) > 1:
         doing("settling the sherds")
         settling = settle(sherds)
         sherds = settling.sherds
-    doing("finding the hole")
+    doing("finding the holes")
+    return HolesFound(tuple(sherds), read_sherds(sherds), settling)
+
+
+def _attempt(number: int, found: HolesFound, options: PatchOptions, doing: Callable[[str], None]) -> Attempt:
+    hole = found.holes[number]
+    if hole.problem:
+        return Attempt(number, hole, None, f"it cannot be patched: {hole.problem}.")
+    try:
+        piece = _piece(found, replace(options, hole=number), lambda step: doing(f"hole {number}: {step}"))
+    except (NoHole, NoSurface, NoWall) as refusal:
+        return Attempt(number, hole, None, str(refusal))
+    return Attempt(number, hole, piece)
+
+
+def _piece(found: HolesFound, options: PatchOptions, doing: Callable[[str], None]) -> MissingPiece:
     near = None if options.picks is None else options.picks.mean(axis=0)
-    around = surroundings(sherds, hole=options.hole, near=near, pass_band=options.pass_band)
+    around = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
     method, notes = _road(around, options)
-    notes += () if settling is None else (settling.summary(),)
+    notes += () if found.settling is None else (found.settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)
     inner, told = _inner_sheet(around, outer, method, options)
@@ -177,7 +272,9 @@ def _patched(sherds: Sequence[TriangleMesh], options: PatchOptions, doing: Calla
         notes += ("the inner wall was scanned and is followed; the thickness given was not used.",)
     notes += tuple(f"outer wall: {note}" for note in outer.notes)
     notes += () if inner is None else tuple(f"inner wall: {note}" for note in inner.notes)
-    return MissingPiece(method, shape, outer, inner, around, tuple(sherds), distance, settling, relief, notes=notes)
+    return MissingPiece(
+        method, shape, outer, inner, around, found.sherds, distance, found.settling, relief, notes=notes
+    )
 
 
 def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tuple[str, ...]]:
@@ -209,8 +306,7 @@ def _shape(
     outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions
 ) -> ThickPiece | LipPiece | TrimmedSurface:
     if outer.lip is not None:
-        drawn_in = outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
-        return lip_piece(replace(outer, trimmed=drawn_in))
+        return lip_piece(outer, around.fracture, clearance=options.clearance)
     if inner is not None:
         return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)

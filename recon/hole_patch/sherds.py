@@ -9,6 +9,7 @@ Paper  [kinoshita], sections 3.1 and 3.4 step 1, where the edge is picked by han
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,16 @@ from recon.hole_patch.smoothing import taubin_smooth
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind, ShownThickness, Surroundings, Wall
 from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
 
-__all__ = ["Hole", "find_holes", "separate", "surroundings"]
+__all__ = [
+    "Hole",
+    "Reading",
+    "find_holes",
+    "read_sherds",
+    "separate",
+    "surroundings",
+    "surroundings_in",
+    "what_was_found",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -72,10 +82,25 @@ class Hole:
     def place(self) -> Floats:
         return np.asarray(self.outer.points.mean(axis=0))
 
+    @property
+    def size(self) -> Floats:
+        """(2,) extent of the edge along its longest direction, and across it within the wall."""
+        p = self.outer.points - self.place
+        return np.asarray(np.ptp(p @ np.linalg.svd(p, full_matrices=False)[2][:2].T, axis=0))
+
 
 @dataclass(frozen=True, eq=False)
-class _Reading:
-    """What was understood of the sherds."""
+class Reading:
+    """What was understood of the sherds: read once, it tells of every hole between them.
+
+    table, normals  their faces, and normals (F, 3) freed from noise
+    axis            the wheel's, or None
+    labels          (F,) OUTER, INNER or FRACTURE
+    thickness       of the wall, or what stands for it where only one wall was scanned
+    closed          (S,) sherds with both walls and their fracture
+    fracture        (F,) fracture faces that look into a hole
+    cycles          closed lines between wall and void, longest first
+    """
 
     table: Assembly
     normals: Floats
@@ -85,6 +110,11 @@ class _Reading:
     closed: Flags
     fracture: Flags
     cycles: list[Cycle]
+
+    @cached_property
+    def holes(self) -> tuple["Hole", ...]:
+        """All holes, the longest edge first; mouth and base are none."""
+        return tuple(_holes(self))
 
 
 def surroundings(
@@ -100,8 +130,14 @@ def surroundings(
     Raises  NoHole, NotManifold, BadGeometry; BadOption when there is no hole of that number.
     Paper   [kinoshita], [taubin1995].
     """
-    reading = _read(sherds)
-    holes = _holes(reading)
+    return surroundings_in(read_sherds(sherds), hole=hole, near=near, pass_band=pass_band)
+
+
+def surroundings_in(
+    reading: Reading, *, hole: int | None = None, near: Floats | None = None, pass_band: float = 0.01
+) -> Surroundings:
+    """The same of sherds that were read already; parameters and errors as of `surroundings`."""
+    holes = reading.holes
     if near is not None and holes:
         hole = min(range(len(holes)), key=lambda k: float(np.linalg.norm(holes[k].place - near)))
     chosen = _chosen(holes, hole, reading)
@@ -124,7 +160,18 @@ def find_holes(sherds: Sequence[TriangleMesh]) -> tuple[Hole, ...]:
 
     Raises  NoHole when the sherds fit no wheel's axis and so cannot be understood; NotManifold, BadGeometry.
     """
-    return tuple(_holes(_read(sherds)))
+    return read_sherds(sherds).holes
+
+
+def what_was_found(reading: Reading) -> str:
+    """The sentence for sherds that surround no hole: what there is in its place."""
+    if not reading.cycles:
+        least = LEAST_LENGTH * reading.thickness
+        found = f"no line between wall and void is longer than {least:.3g}, eight times the wall's thickness"
+    else:
+        longest, count = reading.cycles[0].length, len(reading.cycles)
+        found = f"of {count} open lines, the longest {longest:.3g} long, none runs round a hole in the wall"
+    return f"the sherds surround no hole: {found}."
 
 
 def separate(sherds: Sequence[TriangleMesh]) -> list[TriangleMesh]:
@@ -137,9 +184,9 @@ def separate(sherds: Sequence[TriangleMesh]) -> list[TriangleMesh]:
     return [TriangleMesh(table.vertices, table.faces, sherds[0].name).part(group == k) for k in large]
 
 
-def _chosen(holes: list[Hole], number: int | None, reading: _Reading) -> Hole:
+def _chosen(holes: tuple[Hole, ...], number: int | None, reading: Reading) -> Hole:
     if not holes:
-        raise NoHole(f"the sherds surround no hole: {_what_was_found(reading)}.")
+        raise NoHole(what_was_found(reading))
     if number is None and reading.axis is None:
         raise NoHole(
             "the sherds fit no wheel, so a hole cannot be told from the mouth: "
@@ -155,15 +202,11 @@ def _chosen(holes: list[Hole], number: int | None, reading: _Reading) -> Hole:
     return holes[number]
 
 
-def _what_was_found(reading: _Reading) -> str:
-    if not reading.cycles:
-        least = LEAST_LENGTH * reading.thickness
-        return f"no line between wall and void is longer than {least:.3g}, eight times the wall's thickness"
-    longest = reading.cycles[0].length
-    return f"of {len(reading.cycles)} open lines, the longest {longest:.3g} long, none runs round a hole in the wall"
+def read_sherds(sherds: Sequence[TriangleMesh]) -> Reading:
+    """Axis, walls and lines between wall and void of sherds in pose; see `surroundings` for what they may be.
 
-
-def _read(sherds: Sequence[TriangleMesh]) -> _Reading:
+    Raises  NoHole when closed sherds fit no wheel's axis and so cannot be understood; NotManifold, BadGeometry.
+    """
     table = assemble(separate(sherds))
     normals = steady_normals(table)
     closed = _closed_sherds(table)
@@ -176,10 +219,10 @@ def _read(sherds: Sequence[TriangleMesh]) -> _Reading:
     if axis is not None:
         labels = label_walls(table, normals, axis, fracture=void, thickness=thickness)
     cycles = _cycles(table, normals, axis, labels, hole=void, closed=closed, thickness=thickness)
-    return _Reading(table, normals, axis, labels, thickness, closed, void, cycles)
+    return Reading(table, normals, axis, labels, thickness, closed, void, cycles)
 
 
-def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Flags) -> _Reading:
+def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Flags) -> Reading:
     if axis is None:
         raise NoHole(
             "the sherds fit no wheel: their walls do not recur round any axis, so wall cannot be told from fracture; "
@@ -197,7 +240,7 @@ def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Fl
     axis = wheel_axis(table.centres[wall], normals[wall], table.areas[wall]) or axis
     hole = looks_into_hole(table, ~wall, mated, radius=0.7 * thickness)
     cycles = _cycles(table, normals, axis, labels, hole=hole, closed=closed, thickness=thickness)
-    return _Reading(table, normals, axis, labels, thickness, closed, hole, cycles)
+    return Reading(table, normals, axis, labels, thickness, closed, hole, cycles)
 
 
 def _closed_sherds(table: Assembly) -> Flags:
@@ -234,7 +277,7 @@ def _lip_height(height: Floats) -> float:
     return float(high - 0.1 * (high - low))
 
 
-def _holes(reading: _Reading) -> list[Hole]:
+def _holes(reading: Reading) -> list[Hole]:
     """Holes on the outer wall, each with its partner on the inner one, longest first."""
     kinds = [_kind(c, reading) for c in reading.cycles]
     outer, inner, both = (
@@ -253,7 +296,7 @@ def _holes(reading: _Reading) -> list[Hole]:
     return sorted(found, key=lambda hole: -hole.length)
 
 
-def _shown(reading: _Reading) -> ShownThickness | None:
+def _shown(reading: Reading) -> ShownThickness | None:
     """Thickness where the scans show it; without an axis nobody knows which wall is which."""
     if reading.axis is None:
         return None
@@ -261,7 +304,7 @@ def _shown(reading: _Reading) -> ShownThickness | None:
     return shown_thickness(reading.table, reading.normals, reading.labels, limit=limit)
 
 
-def _fracture(reading: _Reading, hole: Hole) -> TriangleMesh | None:
+def _fracture(reading: Reading, hole: Hole) -> TriangleMesh | None:
     """The fracture faces that look into a hole, within a few thicknesses of its edge."""
     table = reading.table
     faces = np.flatnonzero(reading.fracture)
@@ -273,7 +316,7 @@ def _fracture(reading: _Reading, hole: Hole) -> TriangleMesh | None:
     return TriangleMesh(table.vertices, table.faces, "fracture").part(faces) if len(faces) else None
 
 
-def _kind(cycle: Cycle, reading: _Reading) -> int:
+def _kind(cycle: Cycle, reading: Reading) -> int:
     """Which wall a line bounds; the border of open walls that runs round the mouth may lie on part of the lip."""
     if not reading.closed.any() and reading.axis is not None and winding(cycle, reading.axis):
         return OUTER
@@ -281,7 +324,7 @@ def _kind(cycle: Cycle, reading: _Reading) -> int:
     return OUTER if share > 0.8 else INNER if share < 0.2 else OUTER + INNER
 
 
-def _over_the_lip(cycle: Cycle, reading: _Reading) -> list[Hole]:
+def _over_the_lip(cycle: Cycle, reading: Reading) -> list[Hole]:
     """A line that runs over the lip bounds a hole at the rim; elsewhere such a line is a lump."""
     assert reading.axis is not None  # without it every wall is an outer one
     height = reading.axis.cylindrical(reading.table.centres)[:, 2]
@@ -291,7 +334,7 @@ def _over_the_lip(cycle: Cycle, reading: _Reading) -> list[Hole]:
     return [Hole(edge, None, kind=HoleKind.RIM, over_lip=True)]
 
 
-def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, HoleKind, str]]:
+def _parts(cycle: Cycle, reading: Reading) -> list[tuple[Cycle, HoleKind, str]]:
     """The holes that a line on the outer wall bounds, each with what surrounds it and what is wrong with it."""
     axis = reading.axis
     if cycle.gap > 0.25 * cycle.length:
@@ -308,7 +351,7 @@ def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, HoleKind, str]]
     return [(part, kind, "") for part in excursions(cycle, axis, reading.table.spacing)]
 
 
-def _edge(cycle: Cycle, reading: _Reading, *, outward: float) -> HoleEdge | None:
+def _edge(cycle: Cycle, reading: Reading, *, outward: float) -> HoleEdge | None:
     """The line, cleaned and turned counter-clockwise seen from outside; None when it surrounds wall, or is a chip.
 
     outward   1 on the outer wall, -1 on the inner one, whose normals point to the vessel's inside
@@ -326,7 +369,7 @@ def _edge(cycle: Cycle, reading: _Reading, *, outward: float) -> HoleEdge | None
     return HoleEdge(points[turn], sherds[turn])
 
 
-def _partner(outer: Cycle, inner: list[Cycle], reading: _Reading) -> HoleEdge | None:
+def _partner(outer: Cycle, inner: list[Cycle], reading: Reading) -> HoleEdge | None:
     """The edge on the inner wall that runs along the one on the outer wall."""
     tree = cKDTree(outer.points)
     best: tuple[float, HoleEdge | None] = (3.0 * reading.thickness, None)
@@ -338,7 +381,7 @@ def _partner(outer: Cycle, inner: list[Cycle], reading: _Reading) -> HoleEdge | 
     return best[1]
 
 
-def _wall(reading: _Reading, sides: tuple[int, ...], edge: HoleEdge, pass_band: float) -> Wall:
+def _wall(reading: Reading, sides: tuple[int, ...], edge: HoleEdge, pass_band: float) -> Wall:
     on_wall = np.isin(reading.labels, sides)
     measured, sherds = wall_mesh(reading.table, on_wall, turned=sides == (INNER,))
     trust = wall_trust(measured, reach=max(RELIEF_REACH, 3.0 * reading.table.spacing))
