@@ -25,7 +25,7 @@ from scipy import sparse
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.numerics.bspline_basis import basis_matrix
 
-__all__ = ["cone_volume", "trimmed_cone_volume"]
+__all__ = ["cone_volume", "patch_moments", "trimmed_cone_volume"]
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +51,27 @@ def cone_volume(surface: BSplineSurface, apex: ArrayLike = ORIGIN) -> float:
     )  # (i, 4, j) each
     f = _integrand(*(x.transpose(0, 2, 1) for x in (s, s_u, s_v)))
     return float(weight_u @ f @ weight_v) / 3.0
+
+
+def patch_moments(nets: Floats) -> Floats:
+    """Area and cone of many Bezier patches of one degree, seen from the origin.
+
+    nets      (n, p + 1, q + 1, 3) control points
+    Returns   (n, 8) area, area times its centre (3), volume of the cone, volume times its centre (3)
+    Promises  volumes exact to rounding; areas by a rule of 1.5 points a degree and direction.
+    """
+    rules = [_rule(k - 1, np.repeat([0.0, 1.0], k).tobytes(), 0) for k in nets.shape[1:3]]
+    (u, slope_u, weight_u), (v, slope_v, weight_v) = rules
+    s, s_u, s_v = (
+        np.einsum("iu,nuvd,jv->nijd", a, nets, b, optimize=True) for a, b in ((u, v), (slope_u, v), (u, slope_v))
+    )
+    normal = np.cross(s_u, s_v)
+    weight = weight_u[:, None] * weight_v
+    area = np.linalg.norm(normal, axis=3) * weight
+    cone = np.einsum("nijd,nijd->nij", s, normal) * weight / 3.0
+    first = np.concatenate([area.sum(axis=(1, 2))[:, None], np.einsum("nij,nijd->nd", area, s)], axis=1)
+    second = np.concatenate([cone.sum(axis=(1, 2))[:, None], 0.75 * np.einsum("nij,nijd->nd", cone, s)], axis=1)
+    return np.concatenate([first, second], axis=1)
 
 
 def trimmed_cone_volume(surface: BSplineSurface, pcurves: Iterable[BSplineCurve], apex: ArrayLike = ORIGIN) -> float:
