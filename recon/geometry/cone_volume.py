@@ -17,7 +17,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +25,7 @@ from scipy import sparse
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.numerics.bspline_basis import basis_matrix
 
-__all__ = ["Moments", "cone_volume", "surface_moments", "trimmed_cone_volume"]
+__all__ = ["cone_volume", "surface_moments", "trimmed_cone_volume"]
 
 Floats = NDArray[np.float64]
 
@@ -54,33 +53,26 @@ def cone_volume(surface: BSplineSurface, apex: ArrayLike = ORIGIN) -> float:
     return float(weight_u @ f @ weight_v) / 3.0
 
 
-class Moments(NamedTuple):
-    """Integrals over a surface: of the cone over it from an apex, and of its area; first moments from that apex."""
+def surface_moments(nets: Floats, degrees: tuple[int, int], knots: tuple[Floats, Floats]) -> Floats:
+    """Areas of many whole polynomial surfaces over the same knots, cones over them from the origin, and their centres.
 
-    volume: float
-    volume_moment: Floats
-    area: float
-    area_moment: Floats
-
-
-def surface_moments(surface: BSplineSurface, apex: ArrayLike = ORIGIN) -> Moments:
-    """Volume, area and their first moments of a whole surface without weights.
-
-    Promises  volume and its moment exact to rounding but for the rule's degree; area within about 1e-6.
+    nets      (n, nu, nv, 3) control points
+    Returns   (n, 8) area, area times its centre (3), signed volume of the cone, volume times its centre (3)
+    Promises  volumes exact to rounding; areas and volumes' centres by a rule of 1.5 points a degree and span.
     """
-    net = surface.control_net - np.asarray(apex, dtype=np.float64)
-    u, slope_u, weight_u = _rule(surface.degree_u, surface.knots_u.tobytes(), 0)
-    v, slope_v, weight_v = _rule(surface.degree_v, surface.knots_v.tobytes(), 0)
-    rows, rows_u = np.tensordot(u, net, axes=1), np.tensordot(slope_u, net, axes=1)
-    s, s_u, s_v = (np.einsum("jb,ibx->xij", b, r) for r, b in ((rows, v), (rows_u, v), (rows, slope_v)))
-    normal = np.stack([s_u[i - 2] * s_v[i - 1] - s_u[i - 1] * s_v[i - 2] for i in range(3)])
-    weight = np.outer(weight_u, weight_v)
-    cone = np.einsum("xij,xij->ij", s, normal) * weight / 3.0
-    element = np.sqrt(np.einsum("xij,xij->ij", normal, normal)) * weight
-    # the middle of a thin cone lies three quarters of the way from its apex
-    return Moments(
-        float(cone.sum()), 0.75 * np.einsum("ij,xij->x", cone, s), float(element.sum()), np.einsum("ij,xij->x", element, s)
+    (u, slope_u, weight_u), (v, slope_v, weight_v) = (_rule(p, t.tobytes(), 0) for p, t in zip(degrees, knots))
+    s, s_u, s_v = (
+        np.einsum("iu,nuvd,jv->dnij", a, nets, b, optimize=True) for a, b in ((u, v), (slope_u, v), (u, slope_v))
     )
+    normal = [s_u[i - 2] * s_v[i - 1] - s_u[i - 1] * s_v[i - 2] for i in range(3)]
+    weight = weight_u[:, None] * weight_v
+    area = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) * weight
+    cone = (s[0] * normal[0] + s[1] * normal[1] + s[2] * normal[2]) * weight / 3.0
+    found = np.empty((len(nets), 8))
+    for columns, share, reach in ((np.s_[:4], area, 1.0), (np.s_[4:], cone, 0.75)):
+        # the middle of a thin cone lies three quarters of the way from its apex
+        found[:, columns] = np.stack([share.sum(axis=(1, 2)), *reach * np.einsum("nij,dnij->dn", share, s)], axis=1)
+    return found
 
 
 def trimmed_cone_volume(surface: BSplineSurface, pcurves: Iterable[BSplineCurve], apex: ArrayLike = ORIGIN) -> float:

@@ -76,13 +76,15 @@ def isolated(mesh: ControlMesh, steps: int = 0) -> Layout:
     turns = irregular.argmax(axis=1)
     turned, across = _turned(sheets.faces, sheets.across, turns)
     whole_faces, whole_across = _turned(whole.faces, whole.across, turns)
-    return Layout(Sheets(turned, across, sheets.kinds), whole_faces, whole_across, points, ~irregular.any(axis=1))
+    return Layout(
+        Sheets(turned, across, sheets.kinds), whole_faces, whole_across, points, np.asarray(~irregular.any(axis=1))
+    )
 
 
 def _irregular_corners(sheets: Sheets) -> Bools:
     wanted = np.array(catmull_clark.REGULAR_FACES)
     irregular = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds)) != wanted[sheets.kinds]
-    return irregular[sheets.faces]
+    return np.asarray(irregular[sheets.faces])
 
 
 def _turned(faces: Ints, across: Ints, turns: Ints) -> tuple[Ints, Ints]:
@@ -157,9 +159,7 @@ def _first_areas(across: Ints, free: Bools, order: Ints, effort: int) -> Ints:
 
 
 @njit(cache=True)
-def _areas(
-    across: Ints, free: Bools, order: Ints, effort: int, grid: Ints, turns: Ints, stamps: Ints
-) -> Ints:
+def _areas(across: Ints, free: Bools, order: Ints, effort: int, grid: Ints, turns: Ints, stamps: Ints) -> Ints:
     """The area that each seed grows to, until the effort is spent; 1 for those that were not looked at."""
     areas = np.ones(len(free), dtype=np.int64)
     stamp, spent = -1, 0
@@ -176,9 +176,7 @@ def _areas(
 
 
 @njit(cache=True)
-def _reach(
-    across: Ints, free: Bools, box: Ints, side: int, grid: Ints, turns: Ints, stamps: Ints, stamp: int
-) -> bool:
+def _reach(across: Ints, free: Bools, box: Ints, side: int, grid: Ints, turns: Ints, stamps: Ints, stamp: int) -> bool:
     """Add a row beyond a side of the box (left, right, bottom, top) if all its quads are free; whether it was done."""
     left, right, bottom, top = box
     if side == 0:
@@ -210,9 +208,7 @@ def _reach(
 
 
 @njit(cache=True)
-def _meets_itself(
-    across: Ints, box: Ints, grid: Ints, turns: Ints, stamps: Ints, stamp: int
-) -> int:
+def _meets_itself(across: Ints, box: Ints, grid: Ints, turns: Ints, stamps: Ints, stamp: int) -> int:
     """A side of the box along which the rectangle is its own neighbour; -1 where there is none."""
     left, right, bottom, top = box
     for side in range(4):

@@ -1,13 +1,14 @@
 """Surfaces laid over rectangles of quads, joined along the edges of the quads.
 
-    +---+---+---+        a side of a tile is a row of quad edges; it is cut where a corner of any tile lies, and what
-    |   A   | B |        is left between two cuts has the same tiles on both sides: one edge of the mosaic
-    +   .   +---+
-    |       | C |        the row of an edge is named by the smallest of its quad edges, from either side
-    +---+---+---+
++---+---+---+        a side of a tile is a row of quad edges; it is cut where a corner of any tile lies, and what
+|   A   | B |        is left between two cuts has the same tiles on both sides: one edge of the mosaic
++   .   +---+
+|       | C |        the row of an edge is named by the smallest of its quad edges, from either side
++---+---+---+
 """
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ def joined(faces: Ints, across: Ints, smooth: NDArray[np.bool_], tiles: list[Til
     for tile, four in zip(tiles, rows):
         for side, row in enumerate(four):
             cuts = [k for k, v in enumerate(row.vertices) if ends[v]]
-            for a, b in zip(cuts, cuts[1:]):
+            for a, b in pairwise(cuts):
                 key, first = min(row.edges[a:b]), (row.edges[a], row.vertices[a])
                 e = known.setdefault(key, len(curves))
                 if e == len(curves):
