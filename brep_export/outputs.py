@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.brep_file import write_brep
@@ -36,6 +38,7 @@ def write_outputs(
     header: FileHeader = FileHeader(),  # noqa: B008  (frozen)
     schema: StepSchema = StepSchema.AP214,
     allow_change: bool = False,
+    colours: NDArray[np.uint8] | None = None,
     beside: Mapping[str, Callable[[Path], None]] | None = None,
     announce: Callable[[Path], None] = lambda path: None,
 ) -> tuple[ReadBack, ...]:
@@ -43,6 +46,7 @@ def write_outputs(
 
     mesh          triangles of the shape, for the mesh formats
     allow_change  put files in place even when they read back as something else; what changed is in the result
+    colours       (V, 4) of the mesh's vertices, for the formats that hold them
     beside        further files that belong to the same result, each with the function that writes it
     announce      called with the path of every temporary file before it is made
     Promises      when anything fails no path has changed.
@@ -54,7 +58,9 @@ def write_outputs(
     with staged(*paths, *beside, announce=announce) as temporary:
         results = []
         for path, written in zip(paths, temporary):
-            result = _write_one(shape, mesh, (Path(path), written), header=header, schema=schema, measures=measures)
+            result = _write_one(
+                shape, mesh, (Path(path), written), header=header, schema=schema, measures=measures, colours=colours
+            )
             if result.defects and not allow_change:
                 raise NotWritten(str(path), "; ".join(str(defect) for defect in result.defects))
             results.append(result)
@@ -71,6 +77,7 @@ def _write_one(
     header: FileHeader,
     schema: StepSchema,
     measures: ShapeMeasures,
+    colours: NDArray[np.uint8] | None,
 ) -> ReadBack:
     path, written = place
     ending = path.suffix.lower()
@@ -81,7 +88,7 @@ def _write_one(
             return write_iges(shape, written, header=header, measures=measures)
         if ending in BREP_ENDINGS:
             return write_brep(shape, written, measures=measures)
-        return write_mesh(mesh, written, header=header)
+        return write_mesh(mesh, written, header=header, colours=colours)
     except NotWritten as failure:
         raise NotWritten(str(path), failure.problem) from failure
     except ReconError as failure:

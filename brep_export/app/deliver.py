@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.outputs import MESH_ENDINGS
@@ -35,11 +37,13 @@ def write_files(
     *,
     paint: Painter,
     beside: Mapping[str, Painter] | None = None,
+    colours: NDArray[np.uint8] | None = None,
 ) -> Delivery:
     """Write every output that was asked for, and the picture; nothing when the gate refused and nobody forced it.
 
     paint    draws the picture into a file
     beside   further files of the same result, each with what writes it
+    colours  (V, 4) of the vertices of the report's triangles, for the formats that hold them
     Returns  the report with the read-back line added, and the paths written
     Raises   NotWritten.
     """
@@ -57,6 +61,7 @@ def write_files(
             ),
             schema=StepSchema[request.get("schema", "AP214")],
             allow_change=bool(request.get("force")),
+            colours=colours,
             beside=others,
             announce=bench.staged,
         )

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.deliver import gate, print_formats, write_files
@@ -17,6 +18,7 @@ from brep_export.solids import lip_solid, thick_solid
 from recon.errors import BadOption, NoWall
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
+from recon.hole_patch.confidence import BOUND, SHARE, Confidence, confidence
 from recon.hole_patch.lip_piece import lip_thickness
 from recon.hole_patch.pipeline import (
     MissingPiece,
@@ -136,7 +138,17 @@ def patch_answer(
     with bench.phase("brep", "building the shape"):
         shape, kind = kernel_piece(piece)
     report = gate(shape, TOLERANCE, kind, bench)
-    report, written = write_files(shape, report, request, bench, paint=partial(_paint, piece.sherds, report))
+    with bench.phase("reconstruct", "fitting again without each sherd"):
+        trust = confidence(piece)
+    expected = None if report.triangulation is None else trust.at(report.triangulation.vertices)
+    report, written = write_files(
+        shape,
+        report,
+        request,
+        bench,
+        paint=partial(_paint, piece.sherds, report, expected),
+        colours=_colours(expected, request),
+    )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
         command,
@@ -148,7 +160,7 @@ def patch_answer(
         error=statistics(
             piece.sample_distance, unit="mm", against="the walls as scanned within 2 mm of the hole's edge"
         ),
-        room=_figures(piece, thickness) | _fit(piece.sherds, report, bench) | dict(room or {}),
+        room=_figures(piece, thickness) | _trust(trust) | _fit(piece.sherds, report, bench) | dict(room or {}),
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
@@ -214,6 +226,23 @@ def _figures(piece: MissingPiece, thickness: Thickness | None) -> dict[str, Any]
     }
 
 
+def _trust(trust: Confidence) -> dict[str, Any]:
+    """By how much the walls of the piece may be off, over the hole."""
+    sigma = trust.over_walls()
+    return {
+        "confidence": {
+            "expected_error_mm": {
+                "median": float(np.median(sigma)),
+                "p95": float(np.quantile(sigma, 0.95)),
+                "max": float(sigma.max()),
+            },
+            "share": SHARE,
+            "within": BOUND,
+            "sherds_left_out": trust.outer.n_left_out,
+        }
+    }
+
+
 def _fit(sherds: Sequence[TriangleMesh], report: CheckReport, bench: Bench) -> dict[str, Any]:
     """How a closed piece lies between its neighbours, and the way in which it is set in."""
     if report.expected is not ShapeKind.SOLID or not report.passed:
@@ -231,8 +260,19 @@ def _fit(sherds: Sequence[TriangleMesh], report: CheckReport, bench: Bench) -> d
     }
 
 
-def _paint(sherds: Sequence[TriangleMesh], report: CheckReport, path: Path) -> None:
+def _colours(expected: NDArray[np.float64] | None, request: Mapping[str, Any]) -> NDArray[np.uint8] | None:
+    """Of the piece's vertices; the pictures are loaded only where a file holds colours."""
+    if expected is None or not any(str(path).lower().endswith(".glb") for path in request["outputs"]):
+        return None
+    from brep_export.app.pictures import colours_of
+
+    return colours_of(expected)
+
+
+def _paint(
+    sherds: Sequence[TriangleMesh], report: CheckReport, expected: NDArray[np.float64] | None, path: Path
+) -> None:
     from brep_export.app.pictures import draw, vessel_views
 
     lines = [np.array(line) for line in report.free_edges] if report.expected is ShapeKind.SOLID else []
-    draw(path, vessel_views(sherds, report.triangles(), lines))
+    draw(path, vessel_views(sherds, report.triangles(), lines, expected))
