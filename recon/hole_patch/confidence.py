@@ -169,31 +169,35 @@ def _wall(sheet: Sheet, wall: Wall, axis: Axis | None, explained: float) -> Wall
         return _boxed(sheet, wall)
     fit = fit_wall(wall, axis)
     left = fit.ring.distance - fit.residual.at(fit.ring.chart)
-    fits = [_stand_off(other, sheet) for other in _fits_without(fit, axis)]
+    fits = [_stand_off(other, sheet) for other in _fits_without(wall, axis, fit.residual.stiffness)]
     return WallConfidence(
         sheet.trimmed.surface,
-        float(np.hypot(_root_mean_square(sheet.edge_distance), _out_of_place(fit))),
-        _scatter(left, fit.ring.weight) * float(np.sqrt(1.0 - explained)),
-        fit.fading(),
+        float(np.hypot(_root_mean_square(sheet.edge_distance), fit.unit * _out_of_place(fit))),
+        fit.unit * _scatter(left, fit.ring.weight) * float(np.sqrt(1.0 - explained)),
+        fit.unit * fit.fading(),
         len(fits),
         _within(sheet.trimmed),
-        _disagreement(sheet.trimmed.surface, fits, fit.residual.foretold),
-        _Edge(fit.chart.unfolded, fit.edge[fit.sound, :2], fit.left()[fit.sound], fit.fading()),
+        _disagreement(sheet.trimmed.surface, fits, fit.unit * fit.residual.foretold),
+        _Edge(
+            lambda uv: fit.unit * fit.chart.unfolded(uv / fit.unit),
+            fit.unit * fit.edge[fit.sound, :2],
+            fit.unit * fit.left()[fit.sound],
+            fit.unit * fit.fading(),
+        ),
     )
 
 
-def _fits_without(fit: WallFit, axis: Axis) -> Iterator[WallFit]:
-    wall = _thinned(fit.wall)
-    for less in _leaving_out(wall):
+def _fits_without(wall: Wall, axis: Axis, stiffness: float) -> Iterator[WallFit]:
+    for less in _leaving_out(_thinned(wall)):
         try:
-            yield fit_wall(less, axis, stiffness=fit.residual.stiffness)
+            yield fit_wall(less, axis, stiffness=stiffness)
         except NoSurface:
             continue
 
 
 def _out_of_place(fit: WallFit) -> float:
-    """Root mean square over the sherds of how far each stands off along its part of the edge: there the face follows
-    the sherd, right or wrong.
+    """Root mean square over the sherds, in units, of how far each stands off along its part of the edge: there the face
+    follows the sherd, right or wrong.
     """
     left, sherds = fit.left()[fit.sound], fit.wall.edge.sherds[fit.sound]
     return _root_mean_square(np.array([np.median(left[sherds == sherd]) for sherd in np.unique(sherds)]))
@@ -203,8 +207,8 @@ def _stand_off(fit: WallFit, sheet: Sheet) -> Floats:
     """(GRID, GRID) by how much another fit stands off from the sheet's face, before that gave way to the edge."""
     face = sheet.base if sheet.base is not None else sheet.trimmed.surface
     uv = _grid(face)
-    flat = fit.chart.flat(face.point(uv), face.normal(uv) if fit.wall.over_lip else None)
-    return np.asarray(fit.residual.at(flat[:, :2]) - flat[:, 2]).reshape(GRID, GRID)
+    flat = fit.chart.flat(face.point(uv) / fit.unit, face.normal(uv) if fit.wall.over_lip else None)
+    return np.asarray(fit.unit * (fit.residual.at(flat[:, :2]) - flat[:, 2])).reshape(GRID, GRID)
 
 
 def _boxed(sheet: Sheet, wall: Wall) -> WallConfidence:

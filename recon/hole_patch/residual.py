@@ -10,7 +10,7 @@ best those sectors of the ring that were left out.
      : :     : : :
        ' : : : '
 
-    u        r̄ θ, angle times the mean radius of the hole's edge, so that both coordinates are millimetres
+    u        r̄ θ, angle times the mean radius of the hole's edge, so that both coordinates are lengths on the wall
     s        length along the profile
     d        distance from the turned profile
     B_i B_j  products of cubic B-splines in u and s
@@ -34,7 +34,8 @@ __all__ = ["Residual", "Ring", "fit_residual", "tensor_rows"]
 Floats = NDArray[np.float64]
 Matrix = NDArray[np.float64] | sparse.csr_array
 
-# lengths ℓ in millimetres below which the plate smooths waves away: from a few mesh edges to stiffer than any vessel
+# lengths ℓ in units of the vessel (`recon.hole_patch.unit_length`) below which the plate smooths waves away: from a few
+# knots to stiffer than any vessel
 STIFFNESS_LENGTHS = np.geomspace(4.0, 64.0, 9)
 SECTORS = 8  # an eighth of the turn around a hole leaves a gap about as wide as the ring
 MOST_SPANS = 14
@@ -49,7 +50,7 @@ class Ring:
     distance  (m,) d
     weight    (m,) not negative
     middle    (2,) middle of the hole in u and s
-    width     of the ring, in millimetres
+    width     of the ring
     """
 
     chart: Floats
@@ -65,8 +66,8 @@ class Residual:
 
     knots_u, knots_s  of the cubic splines
     coefficients      (nu, ns)
-    stiffness         ℓ in millimetres that was chosen
-    foretold          mean distance in millimetres by which sectors left out of the ring were missed
+    stiffness         ℓ that was chosen
+    foretold          mean distance by which sectors left out of the ring were missed
     """
 
     knots_u: Floats
