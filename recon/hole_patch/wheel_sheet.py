@@ -57,6 +57,7 @@ SPACING = 0.2  # between points of the edge where e is known
 LOOP_SPACING, CLEANED = 1.2, 1.5  # between points of the trim loop, and what is narrower than twice that many of them
 REJECTED = 0.02  # largest share of edge points that may be taken for chips
 SMALLEST_CHIP = 0.2  # mm; what stands off by less is relief or noise
+BESIDE, MOST_BESIDE = 2.5, 6.0  # mm of edge to either side that a chip stands off from, and at most so many units
 ASTRAY = 1.25  # no relief or pose stands so far off where most of the edge does not
 MEETINGS = 4  # rounds in which the face is drawn to the edge that it missed
 DOWN = 0.3  # mm, most depth times slope of relief at the edge: cords are deep where they are level
@@ -277,9 +278,9 @@ def _knots(spans: int, low: float, high: float) -> Floats:
 def _sound(left: Floats, length: Floats, measured: Bools, unit: float) -> Bools:
     """(n,) points of the edge that were measured, on the wall, and are no chips.
 
-    A chip stands off from the 5 units of edge around it; a stretch that strayed into the fracture, from all the rest.
+    A chip stands off from the edge around it; a stretch that strayed into the fracture, from all the rest.
     """
-    off = np.abs(left - _running_median(left, length, 2.5))
+    off = np.abs(left - _running_median(left, length, min(BESIDE / unit, MOST_BESIDE)))
     usual = 1.4826 * float(np.median(off[measured]))
     allowed = float(np.quantile(off[measured], 1.0 - REJECTED))
     astray = np.abs(left - np.median(left[measured]))
