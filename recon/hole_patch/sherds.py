@@ -22,7 +22,7 @@ from recon.hole_patch.axis import wheel_axis
 from recon.hole_patch.edge_cleaning import chart_points, clean_rows, crossings, signed_area
 from recon.hole_patch.fracture import looks_into_hole, mated_faces, wall_thickness
 from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_edges
-from recon.hole_patch.open_rims import excursions, sweep, winding
+from recon.hole_patch.open_rims import comes_near, excursions, sweep, winding
 from recon.hole_patch.shown_thickness import shown_thickness
 from recon.hole_patch.smoothing import taubin_smooth
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind, ShownThickness, Surroundings, Wall
@@ -45,6 +45,7 @@ Flags = NDArray[np.bool_]
 
 RELIEF_REACH = 2.5  # millimetres: how far from a border smoothing is held back by the vertices that do not move
 LEAST_LENGTH, LEAST_AREA = 8.0, 4.0  # of a hole, in thicknesses and their square; smaller ones are chips
+LEAST_DEPTH = 2.0  # thicknesses that a hole reaches down from the lip; less is the lip's own unevenness, or a chip
 LEAST_KNOWN = 30.0  # thicknesses: of a line that is mostly unknown, to be worth a word
 SIZEABLE = 0.002  # of all area, to be a sherd of its own
 THICKEST = 0.4  # of a wall, in radii of the vessel
@@ -328,7 +329,8 @@ def _over_the_lip(cycle: Cycle, reading: Reading) -> list[Hole]:
     """A line that runs over the lip bounds a hole at the rim; elsewhere such a line is a lump."""
     assert reading.axis is not None  # without it every wall is an outer one
     height = reading.axis.cylindrical(reading.table.centres)[:, 2]
-    if reading.axis.cylindrical(cycle.points)[:, 2].max() < _lip_height(height):
+    line = reading.axis.cylindrical(cycle.points)[:, 2]
+    if line.max() < _lip_height(height) or np.ptp(line) < LEAST_DEPTH * reading.thickness:
         return []
     edge = HoleEdge(cycle.points[::-1], cycle.sherds[::-1], cycle.normals[::-1])
     return [Hole(edge, None, kind=HoleKind.RIM, over_lip=True)]
@@ -341,12 +343,19 @@ def _parts(cycle: Cycle, reading: Reading) -> list[tuple[Cycle, HoleKind, str]]:
         if cycle.length < LEAST_KNOWN * reading.thickness:
             return []
         return [(cycle, HoleKind.WALL, f"{cycle.gap:.3g} of its edge are missing in one stretch")]
-    if axis is None or reading.closed.any():
+    if axis is None:
         return [(cycle, HoleKind.WALL, "")]
     turns = winding(cycle, axis)
+    if turns == 0 and reading.closed.any():
+        return [(cycle, HoleKind.WALL, "")]
     if turns == 0:
         problem = "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else ""
         return [(cycle, HoleKind.WALL, problem)]
+    if turns > 0 and comes_near(cycle, axis):
+        return [(cycle, HoleKind.WALL, "")]
+    if reading.closed.any():
+        missing = "above" if turns < 0 else "below"
+        return [(cycle, HoleKind.WALL, f"it runs round the whole vessel: all that was {missing} it is missing")]
     kind = HoleKind.RIM if turns < 0 else HoleKind.FOOT
     return [(part, kind, "") for part in excursions(cycle, axis, reading.table.spacing)]
 
