@@ -86,6 +86,7 @@ def fracture_faces(table: Assembly, normals: Floats, axis: Axis, *, mated: Flags
     sheet = (recurs > RECURRING) & ~mated
     allowed = min(max(DEEP * thickness, 2.0 * axis.quality), DEEPEST * thickness)
     deep = _depths(table, normals, axis, sheet) > allowed
+    mated = mated & ~((recurs > RECURRING) & far & ~deep)  # wall beside a crack, that the neighbour's slope faces
     belief = 0.07 * np.abs(2.0 * wall - 1.0)
     lump, level = _contradicted(table, normals, wall, far=far, mated=mated)
     belief[(lump & ~deep) | level] *= 0.03
