@@ -80,12 +80,13 @@ class Residual:
         return np.asarray(tensor_rows(self.knots_u, self.knots_s, chart) @ self.coefficients.ravel())
 
 
-def fit_residual(ring: Ring, radius: Callable[[Floats], Floats]) -> Residual:
+def fit_residual(ring: Ring, radius: Callable[[Floats], Floats], *, stiffness: float | None = None) -> Residual:
     """Fit a plate to the ring and choose its stiffness by leaving out sectors.
 
-    radius    of the turned profile at (k,) values of s, in units of the mean radius that u was made with
-    Promises  of all stiffnesses that foretell the ring equally well, but for the scatter between sectors, the greatest;
-              a handle or a chip in the ring does not bend the plate.
+    radius     of the turned profile at (k,) values of s, in units of the mean radius that u was made with
+    stiffness  ℓ where it was chosen before: nothing is left out then, and `foretold` is 0
+    Promises   of all stiffnesses that foretell the ring equally well, but for the scatter between sectors, the
+               greatest; a handle or a chip in the ring does not bend the plate.
     """
     knots_u, knots_s = (_knots(column, ring.width) for column in ring.chart.T)
     rows = tensor_rows(knots_u, knots_s, ring.chart)
@@ -93,15 +94,16 @@ def fit_residual(ring: Ring, radius: Callable[[Floats], Floats]) -> Residual:
     area = np.prod(np.ptp(ring.chart, axis=0))
     lam = STIFFNESS_LENGTHS**4 / area
     weight = _robust_weights(rows, ring, lam[len(lam) // 2] * energy)
-    missed, scatter = _foretold(rows, ring, weight, [x * energy for x in lam])
-    best = int(np.argmin(missed))
-    # the one-standard-error rule: what the sectors cannot tell apart is decided for the smoother plate
-    chosen = int(np.flatnonzero(missed <= missed[best] + scatter[best])[-1])
-    coefficients = _solve(*_normal_equations(rows, ring.distance, weight), lam[chosen] * energy)
+    foretold = 0.0
+    if stiffness is None:
+        missed, scatter = _foretold(rows, ring, weight, [x * energy for x in lam])
+        best = int(np.argmin(missed))
+        # the one-standard-error rule: what the sectors cannot tell apart is decided for the smoother plate
+        chosen = int(np.flatnonzero(missed <= missed[best] + scatter[best])[-1])
+        stiffness, foretold = float(STIFFNESS_LENGTHS[chosen]), float(missed[chosen])
+    coefficients = _solve(*_normal_equations(rows, ring.distance, weight), stiffness**4 / area * energy)
     shape = (len(knots_u) - 4, len(knots_s) - 4)
-    return Residual(
-        knots_u, knots_s, coefficients.reshape(shape), float(STIFFNESS_LENGTHS[chosen]), float(missed[chosen])
-    )
+    return Residual(knots_u, knots_s, coefficients.reshape(shape), stiffness, foretold)
 
 
 def _knots(column: Floats, width: float) -> Floats:

@@ -32,7 +32,7 @@ from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.edge_cleaning import clean_rows
-from recon.hole_patch.residual import Ring, fit_residual, tensor_rows
+from recon.hole_patch.residual import Residual, Ring, fit_residual, tensor_rows
 from recon.hole_patch.section_samples import vertex_areas_and_normals
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, HoleEdge, Wall
@@ -41,7 +41,7 @@ from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
-__all__ = ["wheel_sheet"]
+__all__ = ["WallFit", "fit_wall", "wheel_sheet"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -99,20 +99,9 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     Raises    NoSurface when the wall around the hole gives no profile or no ring, or is so far from round that the
               ring cannot be foretold from itself.
     """
-    chart = wheel_chart(wall, axis)
-    if wall.over_lip:
-        wall = _with_clean_edge(wall, chart)
-    edge = chart.flat(wall.edge.points, wall.edge.normals)
-    ring = _ring(wall, chart, edge)
-    residual = fit_residual(ring, chart.stretch)
-    if residual.foretold > OUT_OF_ROUND:
-        raise NoSurface(
-            f"The wall around the hole is not round: left-out parts of it were missed by {residual.foretold:.1f} mm on"
-            f" average (allowed {OUT_OF_ROUND:g}); use the box method."
-        )
-    left = edge[:, 2] - residual.at(edge[:, :2])
-    measured = wall.edge.sherds >= 0
-    sound = _sound(left, _loop_length(wall.edge.points), measured)
+    fit = fit_wall(wall, axis)
+    wall, chart, edge, residual, sound = fit.wall, fit.chart, fit.edge, fit.residual, fit.sound
+    left, measured = fit.left(), wall.edge.sherds >= 0
     face = _lip_face(chart, edge) if wall.over_lip else _face(chart, edge)
     distance = residual.at(face.nodes())
     base = face.surface(distance)
@@ -126,7 +115,7 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     return Sheet(
         trimmed,
         off[sound],
-        len(ring.distance),
+        len(fit.ring.distance),
         sides,
         base=base,
         rejected=rejected,
@@ -134,6 +123,53 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
         sound=sound,
         notes=_notes(measured, sound),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class WallFit:
+    """What is known of a wall over its hole before a face is made.
+
+    wall      its edge cleaned, where it runs over a lip
+    edge      (n, 3) u, v, d of the hole's edge
+    residual  d over the chart, fitted to the ring
+    sound     (n,) points of the edge that were measured and are no chips
+    """
+
+    wall: Wall
+    chart: WheelChart
+    edge: Floats
+    ring: Ring
+    residual: Residual
+    sound: Bools
+
+    def left(self) -> Floats:
+        """(n,) e along the edge."""
+        return np.asarray(self.edge[:, 2] - self.residual.at(self.edge[:, :2]))
+
+    def fading(self) -> float:
+        """ℓ in millimetres."""
+        return _fading_length(_even_edge(self.edge, self.left(), self.sound))
+
+
+def fit_wall(wall: Wall, axis: Axis, *, stiffness: float | None = None) -> WallFit:
+    """The chart of a wall, its residual and the hole's edge in it; raises NoSurface as `wheel_sheet` does.
+
+    stiffness  of the residual, where it was chosen before
+    """
+    chart = wheel_chart(wall, axis)
+    if wall.over_lip:
+        wall = _with_clean_edge(wall, chart)
+    edge = chart.flat(wall.edge.points, wall.edge.normals)
+    ring = _ring(wall, chart, edge)
+    residual = fit_residual(ring, chart.stretch, stiffness=stiffness)
+    if residual.foretold > OUT_OF_ROUND:
+        raise NoSurface(
+            f"The wall around the hole is not round: left-out parts of it were missed by {residual.foretold:.1f} mm on"
+            f" average (allowed {OUT_OF_ROUND:g}); use the box method."
+        )
+    left = edge[:, 2] - residual.at(edge[:, :2])
+    sound = _sound(left, _loop_length(wall.edge.points), wall.edge.sherds >= 0)
+    return WallFit(wall, chart, edge, ring, residual, sound)
 
 
 def _with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
