@@ -83,7 +83,7 @@ class PatchOptions:
     picks       (3, 3) points on the wall around the hole, for BOX; None lets the program find them
     pass_band   k_PB of the filter that removes the relief
     hole        number of the hole among `find_holes`, 0 the longest; None takes the longest that can be patched
-    relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL; not over a lip
+    relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL
     clearance   in millimetres, that the piece keeps from its neighbours: room for glue
     settle      whether the sherds are settled against each other first; the piece then fits them as settled
     Raises  BadOption.
@@ -259,9 +259,7 @@ def _piece(found: HolesFound, options: PatchOptions, doing: Callable[[str], None
     inner, told = _inner_sheet(around, outer, method, options)
     notes += told
     relief = None
-    if options.relief is Relief.CONTINUE and around.outer.over_lip:
-        notes += ("No relief was continued: the hole runs over the lip, and the face is made smooth there.",)
-    elif options.relief is Relief.CONTINUE and around.axis is not None:
+    if options.relief is Relief.CONTINUE and around.axis is not None:
         doing("continuing the relief")
         relief = continue_relief(outer, around.outer, around.axis)
         outer, notes = relief.sheet, (*notes, *relief.sheet.notes)
@@ -306,8 +304,7 @@ def _shape(
     outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions
 ) -> ThickPiece | LipPiece | TrimmedSurface:
     if outer.lip is not None:
-        drawn_in = outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
-        return lip_piece(replace(outer, trimmed=drawn_in))
+        return lip_piece(outer, around.fracture, clearance=options.clearance)
     if inner is not None:
         return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)

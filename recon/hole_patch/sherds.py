@@ -309,9 +309,9 @@ def _fracture(reading: Reading, hole: Hole) -> TriangleMesh | None:
     """The fracture faces that look into a hole, within a few thicknesses of its edge."""
     table = reading.table
     faces = np.flatnonzero(reading.fracture)
-    if hole.inner is None or not len(faces):
+    if (hole.inner is None and not hole.over_lip) or not len(faces):
         return None
-    edge = cKDTree(np.concatenate([hole.outer.points, hole.inner.points]))
+    edge = cKDTree(np.concatenate([wall.points for wall in (hole.outer, hole.inner) if wall is not None]))
     near = edge.query(table.centres[faces], distance_upper_bound=2.0 * reading.thickness)[0]
     faces = faces[np.isfinite(near)]
     return TriangleMesh(table.vertices, table.faces, "fracture").part(faces) if len(faces) else None

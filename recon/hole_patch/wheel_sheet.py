@@ -41,7 +41,7 @@ from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
-__all__ = ["WallFit", "fit_wall", "wheel_sheet"]
+__all__ = ["WallFit", "fit_wall", "wheel_sheet", "with_clean_edge"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -158,7 +158,7 @@ def fit_wall(wall: Wall, axis: Axis, *, stiffness: float | None = None) -> WallF
     """
     chart = wheel_chart(wall, axis)
     if wall.over_lip:
-        wall = _with_clean_edge(wall, chart)
+        wall = with_clean_edge(wall, chart)
     edge = chart.flat(wall.edge.points, wall.edge.normals)
     ring = _ring(wall, chart, edge)
     residual = fit_residual(ring, chart.stretch, stiffness=stiffness)
@@ -172,7 +172,7 @@ def fit_wall(wall: Wall, axis: Axis, *, stiffness: float | None = None) -> WallF
     return WallFit(wall, chart, edge, ring, residual, sound)
 
 
-def _with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
+def with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
     """The wall with what is no edge of it cut off from the hole's edge: spikes, hairs and crossings in the chart, and
     stretches that run down into the fracture, which is deep and steep at once.
     """
@@ -266,7 +266,7 @@ def _sound(left: Floats, length: Floats, measured: Bools) -> Bools:
     """
     off = np.abs(left - _running_median(left, length, 2.5))
     usual = 1.4826 * float(np.median(off[measured]))
-    allowed = float(np.quantile(off[measured], 1.0 - REJECTED))
+    allowed = float(np.quantile(off[measured], 1.0 - REJECTED, method="higher"))  # never more than the share
     astray = np.abs(left - np.median(left[measured]))
     on_wall = astray <= max(6.0 * 1.4826 * float(np.median(astray[measured])), ASTRAY)
     return measured & on_wall & (off <= max(6.0 * usual, allowed, SMALLEST_CHIP))
