@@ -26,7 +26,16 @@ from recon.hole_patch.open_rims import comes_near, excursions, sweep, winding
 from recon.hole_patch.shown_thickness import shown_thickness
 from recon.hole_patch.smoothing import taubin_smooth
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind, ShownThickness, Surroundings, Wall
-from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
+from recon.hole_patch.walls import (
+    FRACTURE,
+    INNER,
+    OUTER,
+    fracture_faces,
+    label_walls,
+    lip_height,
+    wall_mesh,
+    wall_trust,
+)
 
 __all__ = [
     "Hole",
@@ -267,15 +276,10 @@ def _cycles(
     lip = np.ones(table.n_faces, dtype=bool)
     if axis is not None:
         height = axis.cylindrical(table.centres)[:, 2]
-        lip = height > _lip_height(height)
+        lip = height > lip_height(height)
     free = free_border(table, closed)
     void = void_edges(table, labels, hole=hole, free=free, lip=lip, thickness=thickness)
     return [c for c in hole_cycles(table, normals, labels, void=void) if c.length > LEAST_LENGTH * thickness]
-
-
-def _lip_height(height: Floats) -> float:
-    low, high = np.quantile(height, [0.001, 0.999])
-    return float(high - 0.1 * (high - low))
 
 
 def _holes(reading: Reading) -> list[Hole]:
@@ -330,7 +334,7 @@ def _over_the_lip(cycle: Cycle, reading: Reading) -> list[Hole]:
     assert reading.axis is not None  # without it every wall is an outer one
     height = reading.axis.cylindrical(reading.table.centres)[:, 2]
     line = reading.axis.cylindrical(cycle.points)[:, 2]
-    if line.max() < _lip_height(height) or np.ptp(line) < LEAST_DEPTH * reading.thickness:
+    if line.max() < lip_height(height) or np.ptp(line) < LEAST_DEPTH * reading.thickness:
         return []
     edge = HoleEdge(cycle.points[::-1], cycle.sherds[::-1], cycle.normals[::-1])
     return [Hole(edge, None, kind=HoleKind.RIM, over_lip=True)]

@@ -23,7 +23,17 @@ from recon.hole_patch.axis import SECTORS, coverage
 from recon.hole_patch.fracture import has_far_side
 from recon.hole_patch.surroundings import Axis
 
-__all__ = ["FRACTURE", "INNER", "OUTER", "fracture_faces", "label_walls", "spread", "wall_mesh", "wall_trust"]
+__all__ = [
+    "FRACTURE",
+    "INNER",
+    "OUTER",
+    "fracture_faces",
+    "label_walls",
+    "lip_height",
+    "spread",
+    "wall_mesh",
+    "wall_trust",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -86,6 +96,8 @@ def fracture_faces(table: Assembly, normals: Floats, axis: Axis, *, mated: Flags
     sheet = (recurs > RECURRING) & ~mated
     allowed = min(max(DEEP * thickness, 2.0 * axis.quality), DEEPEST * thickness)
     deep = _depths(table, normals, axis, sheet) > allowed
+    height = axis.cylindrical(table.centres)[:, 2]
+    deep &= height < lip_height(height)  # an uneven lip lies below its own higher parts
     mated = mated & ~((recurs > RECURRING) & far & ~deep)  # wall beside a crack, that the neighbour's slope faces
     belief = 0.07 * np.abs(2.0 * wall - 1.0)
     lump, level = _contradicted(table, normals, wall, far=far, mated=mated)
@@ -94,6 +106,12 @@ def fracture_faces(table: Assembly, normals: Floats, axis: Axis, *, mated: Flags
     guess = np.where(mated, 0.0, wall)
     share = spread(table, normals, guess=guess, belief=np.where(mated, 0.2, belief))
     return _without_specks(table, (share < 0.5).astype(np.int64), thickness**2) == 1
+
+
+def lip_height(height: Floats) -> float:
+    """Above which the lip is, given the heights of all faces."""
+    low, high = np.quantile(height, [0.001, 0.999])
+    return float(high - 0.1 * (high - low))
 
 
 def _depths(table: Assembly, normals: Floats, axis: Axis, sheet: Flags) -> Floats:
