@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from recon.hole_patch.surroundings import Axis
 
-__all__ = ["coverage", "departure", "wheel_axis"]
+__all__ = ["KEPT_TO", "coverage", "departure", "wheel_axis"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
