@@ -24,11 +24,12 @@ from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.hole_patch.axis import KEPT_TO
 from recon.hole_patch.box_route import box_sheet
 from recon.hole_patch.fitting import distances_from, edge_samples
+from recon.hole_patch.hole import Hole
 from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.relief import ReliefSheet, continue_relief
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
-from recon.hole_patch.sherds import Hole, Reading, read_sherds, separate, surroundings_in, what_was_found
+from recon.hole_patch.sherds import Reading, read_sherds, separate, surroundings_in, what_was_found
 from recon.hole_patch.surroundings import Axis, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet

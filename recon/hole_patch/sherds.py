@@ -21,6 +21,7 @@ from recon.hole_patch.assembly import Assembly, assemble, label_groups, steady_n
 from recon.hole_patch.axis import wheel_axis
 from recon.hole_patch.edge_cleaning import chart_points, clean_rows, crossings, signed_area
 from recon.hole_patch.fracture import looks_into_hole, mated_faces, wall_thickness
+from recon.hole_patch.hole import Hole
 from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_edges
 from recon.hole_patch.open_rims import comes_near, excursions, sweep, winding
 from recon.hole_patch.shown_thickness import shown_thickness
@@ -58,45 +59,9 @@ LEAST_DEPTH = 2.0  # thicknesses that a hole reaches down from the lip; less is 
 LEAST_KNOWN = 30.0  # thicknesses: of a line that is mostly unknown, to be worth a word
 SIZEABLE = 0.002  # of all area, to be a sherd of its own
 THICKEST = 0.4  # of a wall, in radii of the vessel
+NOT_ROUND = 0.1  # thicknesses off the wheel, from which on walls recur badly round it
 NEARLY_ROUND = 1.75 * np.pi
 OPEN_THICKNESS = 2.0  # edge lengths that stand for the thickness where only one wall was scanned
-
-
-@dataclass(frozen=True, eq=False)
-class Hole:
-    """A hole between the sherds.
-
-    outer     its edge on the outer wall; where it runs over the lip, on both walls
-    inner     its edge on the inner wall, or None
-    problem   why it cannot be patched, or an empty text
-    kind      what surrounds it
-    over_lip  whether its edge runs over the lip
-    """
-
-    outer: HoleEdge
-    inner: HoleEdge | None
-    problem: str = ""
-    kind: HoleKind = HoleKind.WALL
-    over_lip: bool = False
-
-    @property
-    def n_walls(self) -> int:
-        return 1 if self.inner is None and not self.over_lip else 2
-
-    @property
-    def length(self) -> float:
-        p = self.outer.points
-        return float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())
-
-    @property
-    def place(self) -> Floats:
-        return np.asarray(self.outer.points.mean(axis=0))
-
-    @property
-    def size(self) -> Floats:
-        """(2,) extent of the edge along its longest direction, and across it within the wall."""
-        p = self.outer.points - self.place
-        return np.asarray(np.ptp(p @ np.linalg.svd(p, full_matrices=False)[2][:2].T, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +87,7 @@ class Reading:
     cycles: list[Cycle]
 
     @cached_property
-    def holes(self) -> tuple["Hole", ...]:
+    def holes(self) -> tuple[Hole, ...]:
         """All holes, the longest edge first; mouth and base are none."""
         return tuple(_holes(self))
 
@@ -181,7 +146,13 @@ def what_was_found(reading: Reading) -> str:
     else:
         longest, count = reading.cycles[0].length, len(reading.cycles)
         found = f"of {count} open lines, the longest {longest:.3g} long, none runs round a hole in the wall"
-    return f"the sherds surround no hole: {found}."
+    doubt = ""
+    if reading.closed.any() and reading.axis is not None and reading.axis.quality > NOT_ROUND * reading.thickness:
+        doubt = (
+            f" The walls stand off from the wheel by {reading.axis.quality:.2f} mm, so that fracture may pass for wall:"
+            " give the outer walls alone, as open meshes."
+        )
+    return f"the sherds surround no hole: {found}.{doubt}"
 
 
 def separate(sherds: Sequence[TriangleMesh]) -> list[TriangleMesh]:
