@@ -140,7 +140,7 @@ def with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
     """The wall with what is no edge of it cut off from the hole's edge: spikes, hairs and crossings in the chart, and
     stretches that run down into the fracture, which is deep and steep at once.
     """
-    edge = wall.edge
+    edge = _without_strays(wall.edge, chart)
     steps = np.linalg.norm(np.diff(edge.points, axis=0, append=edge.points[:1]), axis=1)
     flat = chart.flat(edge.points, edge.normals)
     # in space the edge on one wall may be nearer to that on the other than a hair is wide
@@ -153,6 +153,17 @@ def with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
     deep = _running_median(flat[:, 2], _loop_length(points), 4.0 * MARGIN) - flat[:, 2]
     on_wall = deep * steep < DOWN
     return replace(wall, edge=HoleEdge(points[on_wall], edge.sherds[rows][on_wall], normals[on_wall]))
+
+
+def _without_strays(edge: HoleEdge, chart: WheelChart) -> HoleEdge:
+    """The edge without points whose normal lays them on the other wall, a thickness off: to the chart the line jumps
+    there and back, and what lies between would be cut off as a hair.
+    """
+    if edge.normals is None:
+        return edge
+    off = chart.flat(edge.points, edge.normals)[:, 2]
+    on_wall = np.abs(off - _running_median(off, _loop_length(edge.points), 4.0 * MARGIN)) < ASTRAY
+    return HoleEdge(edge.points[on_wall], edge.sherds[on_wall], edge.normals[on_wall])
 
 
 def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
