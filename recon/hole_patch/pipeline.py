@@ -27,6 +27,7 @@ from recon.hole_patch.fitting import distances_from, edge_samples
 from recon.hole_patch.hole import Hole
 from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.relief import ReliefSheet, continue_relief
+from recon.hole_patch.rim_check import check_rim_piece
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.sherds import Reading, read_sherds, separate, surroundings_in, what_was_found
@@ -325,7 +326,9 @@ def _shape(
     outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions
 ) -> ThickPiece | LipPiece | TrimmedSurface:
     if outer.lip is not None:
-        return lip_piece(outer, around.fracture, clearance=options.clearance)
+        piece = lip_piece(outer, around.fracture, clearance=options.clearance)
+        check_rim_piece(piece, around)
+        return piece
     if inner is not None:
         return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)

@@ -57,6 +57,8 @@ ASTRAY = 1.0  # mm; no relief or pose stands so far off where most of the edge d
 MEETINGS = 4  # rounds in which the face is drawn to the edge that it missed
 DOWN = 0.3  # mm, most depth times slope of relief at the edge: cords are deep where they are level
 NEIGHBOURS = 16  # points of the edge that a node averages over: 1.5 mm to either side
+JUMP = 10.0  # mm farther along the wall than in space: to the other side of it, and no cut corner
+SHORT = 0.05  # of the edge's points: a stretch between two jumps that is no side of the hole
 OUT_OF_ROUND = 2.0  # mm; relief is well below, a wrong axis well above
 LIP_SPANS = 0.2, 0.5  # least millimetres between knots over a lip, and their distance there in radii of curvature
 MOST_LIP_SPANS = 96
@@ -176,7 +178,7 @@ def with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
     """The wall with what is no edge of it cut off from the hole's edge: spikes, hairs and crossings in the chart, and
     stretches that run down into the fracture, which is deep and steep at once.
     """
-    edge = wall.edge
+    edge = _without_strays(wall.edge, chart)
     steps = np.linalg.norm(np.diff(edge.points, axis=0, append=edge.points[:1]), axis=1)
     flat = chart.flat(edge.points, edge.normals)
     # in space the edge on one wall may be nearer to that on the other than a hair is wide
@@ -189,6 +191,25 @@ def with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
     deep = _running_median(flat[:, 2], _loop_length(points), 4.0 * MARGIN) - flat[:, 2]
     on_wall = deep * steep < DOWN
     return replace(wall, edge=HoleEdge(points[on_wall], edge.sherds[rows][on_wall], normals[on_wall]))
+
+
+def _without_strays(edge: HoleEdge, chart: WheelChart) -> HoleEdge:
+    """The edge without points laid on the other wall, by their normal or for a short stretch of the line: to the chart
+    it jumps there and back, and what lies between would be cut off as a hair.
+    """
+    if edge.normals is None:
+        return edge
+    off = chart.flat(edge.points, edge.normals)[:, 2]
+    rows = np.flatnonzero(np.abs(off - _running_median(off, _loop_length(edge.points), 4.0 * MARGIN)) < ASTRAY)
+    points = edge.points[rows]
+    place = chart.unfolded(chart.flat(points, edge.normals[rows])[:, :2])
+    along, across = (np.linalg.norm(np.roll(x, -1, axis=0) - x, axis=1) for x in (place, points))
+    # runs between jumps; the first goes on in the last
+    run = np.roll(np.cumsum(along > across + JUMP), 1)
+    run[0] = 0
+    run[run == run.max()] = 0 if along[-1] <= across[-1] + JUMP else run.max()
+    rows = rows[(np.bincount(run) > SHORT * len(rows))[run]]
+    return HoleEdge(edge.points[rows], edge.sherds[rows], edge.normals[rows])
 
 
 def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
