@@ -1,6 +1,7 @@
-"""Several files of one shape, all or none, each in the format of its ending."""
+"""Several files of one shape, or of several, all or none, each in the format of its ending."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from brep_export.step import StepSchema, write_step
 from recon.errors import NotWritten, ReconError, UnsupportedFormat
 from recon.geometry.mesh import TriangleMesh
 
-__all__ = ["WRITABLE", "require_writable", "write_outputs"]
+__all__ = ["WRITABLE", "Consignment", "require_writable", "write_outputs", "write_together"]
 
 WRITABLE = STEP_ENDINGS + IGES_ENDINGS + BREP_ENDINGS + MESH_ENDINGS
 
@@ -28,6 +29,23 @@ def require_writable(paths: Sequence[str | Path]) -> None:
     for path in paths:
         if Path(path).suffix.lower() not in WRITABLE:
             raise UnsupportedFormat(str(path), WRITABLE)
+
+
+@dataclass(frozen=True, eq=False)
+class Consignment:
+    """One shape and the files it goes to.
+
+    mesh     triangles of the shape, for the mesh formats
+    colours  (V, 4) of the mesh's vertices, for the formats that hold them
+    beside   further files that belong to the same result, each with the function that writes it
+    """
+
+    shape: TopoDS_Shape
+    mesh: TriangleMesh
+    paths: Sequence[str | Path]
+    header: FileHeader = FileHeader()  # noqa: RUF009  (frozen)
+    beside: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
+    colours: NDArray[np.uint8] | None = None
 
 
 def write_outputs(
@@ -52,43 +70,52 @@ def write_outputs(
     Promises      when anything fails no path has changed.
     Raises        UnsupportedFormat; NotWritten naming the path and what changed.
     """
-    require_writable(paths)
-    measures = measure(shape)
-    beside = beside or {}
-    with staged(*paths, *beside, announce=announce) as temporary:
-        results = []
-        for path, written in zip(paths, temporary):
-            result = _write_one(
-                shape, mesh, (Path(path), written), header=header, schema=schema, measures=measures, colours=colours
-            )
-            if result.defects and not allow_change:
-                raise NotWritten(str(path), "; ".join(str(defect) for defect in result.defects))
-            results.append(result)
-        for write, path in zip(beside.values(), temporary[len(paths) :]):
-            write(path)
+    only = Consignment(shape, mesh, paths, header, beside or {}, colours)
+    return write_together([only], schema=schema, allow_change=allow_change, announce=announce)[0]
+
+
+def write_together(
+    consignments: Sequence[Consignment],
+    *,
+    schema: StepSchema = StepSchema.AP214,
+    allow_change: bool = False,
+    announce: Callable[[Path], None] = lambda path: None,
+) -> tuple[tuple[ReadBack, ...], ...]:
+    """The same with several shapes, each to files of its own: all files are put in place together, or none is."""
+    for one in consignments:
+        require_writable(one.paths)
+    places = [path for one in consignments for path in (*one.paths, *one.beside)]
+    with staged(*places, announce=announce) as temporary:
+        left = iter(temporary)
+        return tuple(_written(one, left, schema=schema, allow_change=allow_change) for one in consignments)
+
+
+def _written(
+    one: Consignment, temporary: Iterator[Path], *, schema: StepSchema, allow_change: bool
+) -> tuple[ReadBack, ...]:
+    measures = measure(one.shape)
+    results = []
+    for path, written in zip(one.paths, temporary):
+        result = _write_one(one, (Path(path), written), schema=schema, measures=measures)
+        if result.defects and not allow_change:
+            raise NotWritten(str(path), "; ".join(str(defect) for defect in result.defects))
+        results.append(result)
+    for write, written in zip(one.beside.values(), temporary):
+        write(written)
     return tuple(results)
 
 
-def _write_one(
-    shape: TopoDS_Shape,
-    mesh: TriangleMesh,
-    place: tuple[Path, Path],
-    *,
-    header: FileHeader,
-    schema: StepSchema,
-    measures: ShapeMeasures,
-    colours: NDArray[np.uint8] | None,
-) -> ReadBack:
+def _write_one(one: Consignment, place: tuple[Path, Path], *, schema: StepSchema, measures: ShapeMeasures) -> ReadBack:
     path, written = place
     ending = path.suffix.lower()
     try:
         if ending in STEP_ENDINGS:
-            return write_step(shape, written, header=header, schema=schema, measures=measures)
+            return write_step(one.shape, written, header=one.header, schema=schema, measures=measures)
         if ending in IGES_ENDINGS:
-            return write_iges(shape, written, header=header, measures=measures)
+            return write_iges(one.shape, written, header=one.header, measures=measures)
         if ending in BREP_ENDINGS:
-            return write_brep(shape, written, measures=measures)
-        return write_mesh(mesh, written, header=header, colours=colours)
+            return write_brep(one.shape, written, measures=measures)
+        return write_mesh(one.mesh, written, header=one.header, colours=one.colours)
     except NotWritten as failure:
         raise NotWritten(str(path), failure.problem) from failure
     except ReconError as failure:

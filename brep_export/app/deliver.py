@@ -1,6 +1,7 @@
 """From a kernel shape to files on disk and the JSON object: gate, writers, picture, all or nothing."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,12 @@ from brep_export.app.outputs import MESH_ENDINGS
 from brep_export.app.workshop import Bench
 from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.file_header import FileHeader, LengthUnit
-from brep_export.outputs import write_outputs
+from brep_export.outputs import Consignment, write_together
 from brep_export.read_back import ReadBack
 from brep_export.step import StepSchema
 from recon.tolerance import Tolerance
 
-__all__ = ["Delivery", "gate", "write_files"]
+__all__ = ["Delivery", "Parcel", "gate", "print_formats", "write_files", "write_parcels"]
 
 Delivery = tuple[CheckReport, list[str]]
 Painter = Callable[[Path], None]
@@ -27,6 +28,29 @@ def gate(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, bench: Be
     """Draw the gate's lines on the shape; the report says what came out."""
     with bench.phase("check", "proving the shape"):
         return check(shape, tolerance, expect=expect)
+
+
+@dataclass(frozen=True, eq=False)
+class Parcel:
+    """One shape on its way to files: what the gate said of it, where it goes, and what draws its picture.
+
+    outputs, picture  paths; picture is None where none was asked for
+    paint             draws the picture into a file
+    beside            further files of the same result, each with what writes it
+    colours           (V, 4) of the vertices of the report's triangles, for the formats that hold them
+    """
+
+    shape: TopoDS_Shape
+    report: CheckReport
+    outputs: Sequence[str]
+    picture: str | None
+    paint: Painter
+    beside: Mapping[str, Painter] = field(default_factory=dict)
+    colours: NDArray[np.uint8] | None = None
+
+    @property
+    def others(self) -> dict[str, Painter]:
+        return dict(self.beside) | ({} if self.picture is None else {self.picture: self.paint})
 
 
 def write_files(
@@ -47,26 +71,23 @@ def write_files(
     Returns  the report with the read-back line added, and the paths written
     Raises   NotWritten.
     """
-    if not report.passed and not request.get("force"):
-        return report, []
-    picture = request.get("picture")
-    others = dict(beside or {}) | ({} if picture is None else {picture: paint})
+    parcel = Parcel(shape, report, request["outputs"], request.get("picture"), paint, beside or {}, colours)
+    return write_parcels([parcel], request, bench)[0]
+
+
+def write_parcels(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: Bench) -> list[Delivery]:
+    """The same for several shapes: the files of all of them, or none when the gate refused one and nobody forced it."""
+    if not all(parcel.report.passed for parcel in parcels) and not request.get("force"):
+        return [(parcel.report, []) for parcel in parcels]
+    header = FileHeader(name=request.get("name") or "missing piece", unit=LengthUnit(request.get("header_unit", "MM")))
     with bench.phase("write", "writing and reading back"):
-        read_back = write_outputs(
-            shape,
-            report.triangles(),
-            request["outputs"],
-            header=FileHeader(
-                name=request.get("name") or "missing piece", unit=LengthUnit(request.get("header_unit", "MM"))
-            ),
+        read_back = write_together(
+            [Consignment(p.shape, p.report.triangles(), p.outputs, header, p.others, p.colours) for p in parcels],
             schema=StepSchema[request.get("schema", "AP214")],
             allow_change=bool(request.get("force")),
-            colours=colours,
-            beside=others,
             announce=bench.staged,
         )
-    written = [*request["outputs"], *others]
-    return _with_worst(report, read_back), written
+    return [(_with_worst(p.report, back), [*p.outputs, *p.others]) for p, back in zip(parcels, read_back)]
 
 
 def _with_worst(report: CheckReport, read_back: tuple[ReadBack, ...]) -> CheckReport:

@@ -1,6 +1,7 @@
 """The job behind `recon patch`: scans to the missing piece, through the gate, to files."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
-from brep_export.app.deliver import gate, print_formats, write_files
-from brep_export.app.result import result, statistics
+from brep_export.app.deliver import Parcel, gate, print_formats, write_parcels
+from brep_export.app.hole_list import hole_figures, hole_list
+from brep_export.app.outputs import check_destinations
+from brep_export.app.result import kernel_of_all, result, statistics
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import trimmed_face
 from brep_export.solids import lip_solid, thick_solid
-from recon.errors import BadOption, NoWall
+from recon.errors import BadOption, NoHole, NoWall
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.hole_patch.confidence import BOUND, SHARE, Confidence, confidence
@@ -26,10 +29,11 @@ from recon.hole_patch.pipeline import (
     PatchOptions,
     Relief,
     WallThickness,
+    list_holes,
     patch_hole,
+    patch_holes,
 )
 from recon.hole_patch.placing import place
-from recon.hole_patch.sherds import find_holes
 from recon.hole_patch.thickness import Thickness, piece_thickness
 from recon.readers.meshes import read_mesh
 from recon.readers.picks import read_picks
@@ -40,17 +44,21 @@ __all__ = ["TOLERANCE", "kernel_piece", "patch", "patch_answer"]
 # a twentieth of a millimetre: half of what a scanner resolves, and what a kernel edge may stray from its faces
 TOLERANCE = Tolerance(merge=1e-4, fit=0.05)
 
+EVERY_HOLE = "all"
+SAMPLES = "the walls as scanned within 2 mm of the hole's edge"
+
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
 
 def patch(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the sherds, find the piece, prove it, write it."""
+    every = request["hole"] == EVERY_HOLE
     options = PatchOptions(
         method=PatchMethod(request["method"]),
         thickness=_thickness(request["thickness"]),
         picks=None if request["picks"] is None else read_picks(request["picks"]),
         pass_band=request["pass_band"],
-        hole=request["hole"],
+        hole=None if every else _hole(request["hole"]),
         relief=Relief(request["relief"]),
         clearance=request["clearance"],
         settle=request["settle"],
@@ -58,12 +66,24 @@ def patch(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("read", "reading the scans"):
         sherds = _read(request, bench)
     if request["list_holes"]:
-        return _listed(sherds, request, bench)
+        with bench.phase("reconstruct", "finding the holes"):
+            found = list_holes(sherds, options, doing=bench.doing)
+        return hole_list(found, request, bench)
+    if every:
+        return _patch_all(sherds, options, request, bench)
     with bench.phase("reconstruct", "finding the hole"):
         piece = patch_hole(sherds, options, doing=bench.doing)
     for note in piece.notes:
         bench.note(note)
     return patch_answer("patch", piece, request, bench)
+
+
+def _hole(text: str | None) -> int | None:
+    if text is None:
+        return None
+    if not text.isdecimal():
+        raise BadOption("--hole", f"must be a number that --list gives, or {EVERY_HOLE}, not {text!r}")
+    return int(text)
 
 
 def _thickness(text: str | None) -> float | WallThickness | None:
@@ -85,34 +105,6 @@ def _read(request: Mapping[str, Any], bench: Bench) -> list[TriangleMesh]:
     return [file.mesh for file in files]
 
 
-def _listed(sherds: Sequence[TriangleMesh], request: Mapping[str, Any], bench: Bench) -> Answer:
-    """Every hole with its number, place and size, and why it cannot be patched, if so; nothing is made."""
-    with bench.phase("reconstruct", "finding the holes"):
-        holes = find_holes(sherds)
-    room = {
-        f"hole {number}": {
-            "edge_mm": hole.length,
-            "near": " ".join(f"{x:.4g}" for x in hole.place),
-            "kind": str(hole.kind),
-            "walls": hole.n_walls,
-            "problem": hole.problem or None,
-        }
-        for number, hole in enumerate(holes)
-    }
-    seconds = bench.seconds | {"total": bench.elapsed()}
-    answer = result(
-        "patch",
-        inputs=request["inputs"],
-        outputs=(),
-        reasons=(),
-        kernel={},
-        seconds=seconds,
-        room=room,
-        notes=bench.notes,
-    )
-    return Exit.WRITTEN, answer, ()
-
-
 def kernel_piece(piece: MissingPiece) -> tuple[TopoDS_Shape, ShapeKind]:
     """The kernel shape of the piece, and what it is meant to be: a solid, or the face of the outer wall alone."""
     if isinstance(piece.shape, ThickPiece):
@@ -120,6 +112,26 @@ def kernel_piece(piece: MissingPiece) -> tuple[TopoDS_Shape, ShapeKind]:
     if isinstance(piece.shape, LipPiece):
         return lip_solid(piece.shape, TOLERANCE), ShapeKind.SOLID
     return trimmed_face(piece.shape, TOLERANCE), ShapeKind.FACE
+
+
+@dataclass(frozen=True, eq=False)
+class _Proved:
+    """A piece with its kernel shape, what the gate said of it, and how far it may be trusted."""
+
+    piece: MissingPiece
+    thickness: Thickness | None
+    shape: TopoDS_Shape
+    report: CheckReport
+    trust: Confidence
+
+    def parcel(self, outputs: Sequence[str], picture: str | None) -> Parcel:
+        triangles = self.report.triangulation
+        expected = None if triangles is None else self.trust.at(triangles.vertices)
+        paint = partial(_paint, self.piece.sherds, self.report, expected)
+        return Parcel(self.shape, self.report, outputs, picture, paint, colours=_colours(expected, outputs))
+
+    def figures(self, bench: Bench) -> dict[str, Any]:
+        return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self.piece.sherds, self.report, bench)
 
 
 def patch_answer(
@@ -131,24 +143,8 @@ def patch_answer(
     room: Mapping[str, Any] | None = None,
 ) -> Answer:
     """Build, prove and write the piece; `room` holds further figures for the answer."""
-    _refuse_open_print(piece, request)
-    thickness = _thickness_of(piece)
-    if thickness is not None:
-        _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench)
-    with bench.phase("brep", "building the shape"):
-        shape, kind = kernel_piece(piece)
-    report = gate(shape, TOLERANCE, kind, bench)
-    with bench.phase("reconstruct", "fitting again without each sherd"):
-        trust = confidence(piece)
-    expected = None if report.triangulation is None else trust.at(report.triangulation.vertices)
-    report, written = write_files(
-        shape,
-        report,
-        request,
-        bench,
-        paint=partial(_paint, piece.sherds, report, expected),
-        colours=_colours(expected, request),
-    )
+    proved = _proved(piece, request, bench)
+    ((report, written),) = write_parcels([proved.parcel(request["outputs"], request.get("picture"))], request, bench)
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
         command,
@@ -157,13 +153,88 @@ def patch_answer(
         reasons=reasons,
         kernel=report.as_json(),
         seconds=bench.seconds | {"total": bench.elapsed()},
-        error=statistics(
-            piece.sample_distance, unit="mm", against="the walls as scanned within 2 mm of the hole's edge"
-        ),
-        room=_figures(piece, thickness) | _trust(trust) | _fit(piece.sherds, report, bench) | dict(room or {}),
+        error=statistics(piece.sample_distance, unit="mm", against=SAMPLES),
+        room=proved.figures(bench) | dict(room or {}),
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
+
+
+def _patch_all(
+    sherds: Sequence[TriangleMesh], options: PatchOptions, request: Mapping[str, Any], bench: Bench
+) -> Answer:
+    """A piece for every hole that can be patched, all written or none; the other holes are named with their reasons."""
+    with bench.phase("reconstruct", "finding the holes"):
+        attempts = patch_holes(sherds, options, doing=bench.doing)
+    made = [(a.number, a.piece) for a in attempts if a.piece is not None]
+    refused = [a for a in attempts if a.piece is None]
+    if not made:
+        raise NoHole("no hole can be patched: " + " ".join(f"hole {a.number}: {a.reason}" for a in refused))
+    for attempt in refused:
+        bench.note(f"hole {attempt.number} gets no piece: {attempt.reason}")
+    proved = {number: _proved(piece, request, bench, name=f"hole {number}: ") for number, piece in made}
+    parcels = [p.parcel(*_numbered(number, request)) for number, p in proved.items()]
+    delivered = dict(zip(proved, write_parcels(parcels, request, bench)))
+    reasons = tuple(f"hole {n}: {defect}" for n, (report, _) in delivered.items() for defect in report.defects)
+    pieces = [_piece_entry(n, proved[n], *delivered[n], bench) for n in proved]
+    left_out = [
+        {"hole": a.number, "verdict": "refused", "reasons": [a.reason], "outputs": [], **hole_figures(a.hole)}
+        for a in refused
+    ]
+    answer = result(
+        "patch",
+        inputs=request["inputs"],
+        outputs=[path for _, paths in delivered.values() for path in paths],
+        reasons=reasons,
+        kernel=kernel_of_all([report.as_json() for report, _ in delivered.values()]),
+        seconds=bench.seconds | {"total": bench.elapsed()},
+        error=statistics(np.concatenate([p.sample_distance for _, p in made]), unit="mm", against=SAMPLES),
+        room={"holes": len(attempts), "pieces": sorted(pieces + left_out, key=lambda entry: entry["hole"])},
+        notes=bench.notes,
+    )
+    return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
+
+
+def _numbered(number: int, request: Mapping[str, Any]) -> tuple[list[str], str | None]:
+    """The files of one hole's piece: piece.step becomes piece-0.step."""
+
+    def numbered(name: str) -> str:
+        return str(Path(name).with_stem(f"{Path(name).stem}-{number}"))
+
+    outputs, picture = [numbered(path) for path in request["outputs"]], request.get("picture")
+    picture = None if picture is None else numbered(picture)
+    check_destinations({**request, "outputs": outputs, "picture": picture})
+    return outputs, picture
+
+
+def _piece_entry(
+    number: int, proved: _Proved, report: CheckReport, written: Sequence[str], bench: Bench
+) -> dict[str, Any]:
+    reasons = [str(defect) for defect in report.defects]
+    return {
+        "hole": number,
+        "verdict": "refused" if reasons else "pass",
+        "reasons": reasons,
+        "outputs": list(written),
+        "kernel": report.as_json(),
+        "error": statistics(proved.piece.sample_distance, unit="mm", against=SAMPLES),
+        "notes": list(proved.piece.notes),
+        **proved.figures(bench),
+    }
+
+
+def _proved(piece: MissingPiece, request: Mapping[str, Any], bench: Bench, *, name: str = "") -> _Proved:
+    """The shape of a piece, through the gate; notes about it begin with the name."""
+    _refuse_open_print(piece, request)
+    thickness = _thickness_of(piece)
+    if thickness is not None:
+        _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench, name)
+    with bench.phase("brep", f"{name}building the shape"):
+        shape, kind = kernel_piece(piece)
+    report = gate(shape, TOLERANCE, kind, bench)
+    with bench.phase("reconstruct", f"{name}fitting again without each sherd"):
+        trust = confidence(piece)
+    return _Proved(piece, thickness, shape, report, trust)
 
 
 def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:
@@ -181,11 +252,11 @@ def _thickness_of(piece: MissingPiece) -> Thickness | None:
     return None if piece.inner is None else piece_thickness(piece.outer, piece.inner)
 
 
-def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench) -> None:
+def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench, name: str) -> None:
     share, (x, y, z) = thickness.thinner_than(limit)
     if share > 0.0:
         bench.note(
-            f"the wall is thinner than {limit:g} mm over {100.0 * share:.0f} % of the piece; it is thinnest, "
+            f"{name}the wall is thinner than {limit:g} mm over {100.0 * share:.0f} % of the piece; it is thinnest, "
             f"{thickness.least:.2f} mm, near ({x:.1f}, {y:.1f}, {z:.1f})."
         )
 
@@ -260,9 +331,9 @@ def _fit(sherds: Sequence[TriangleMesh], report: CheckReport, bench: Bench) -> d
     }
 
 
-def _colours(expected: NDArray[np.float64] | None, request: Mapping[str, Any]) -> NDArray[np.uint8] | None:
+def _colours(expected: NDArray[np.float64] | None, outputs: Sequence[str]) -> NDArray[np.uint8] | None:
     """Of the piece's vertices; the pictures are loaded only where a file holds colours."""
-    if expected is None or not any(str(path).lower().endswith(".glb") for path in request["outputs"]):
+    if expected is None or not any(str(path).lower().endswith(".glb") for path in outputs):
         return None
     from brep_export.app.pictures import colours_of
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from recon.errors import NotWritten
 from recon.geometry.mesh import TriangleMesh
 
-__all__ = ["CLAY", "MADE", "Part", "View", "colours_of", "draw", "vessel_views", "views_around"]
+__all__ = ["CLAY", "MADE", "Mark", "Part", "View", "colours_of", "draw", "vessel_views", "views_around"]
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +43,15 @@ class Part:
 
 
 @dataclass(frozen=True)
+class Mark:
+    """A closed line (n, 3) of a picture with a word at its middle, both in one colour."""
+
+    line: Floats
+    text: str
+    colour: str
+
+
+@dataclass(frozen=True)
 class View:
     """One panel of a picture: its parts, the direction from which they are seen, and what is up."""
 
@@ -50,6 +59,7 @@ class View:
     parts: tuple[Part, ...]
     toward: tuple[float, float, float]
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    marks: tuple[Mark, ...] = field(default=())
 
 
 def draw(path: Path, views: Sequence[View]) -> None:
@@ -66,6 +76,8 @@ def draw(path: Path, views: Sequence[View]) -> None:
         plotter.set_background("white", top="#dfe7ee")
         for part in view.parts:
             _add(plotter, part)
+        for mark in view.marks:
+            _add_mark(plotter, mark)
         plotter.add_text(view.title, position="lower_left", font_size=11, color="#333333")
         _aim(plotter, view)
     plotter.enable_anti_aliasing("ssaa")
@@ -156,6 +168,21 @@ def _add(plotter: pyvista.Plotter, part: Part) -> None:
     )
     for line in part.lines:
         plotter.add_mesh(pyvista.lines_from_points(line), color=FREE_EDGE, line_width=4)
+
+
+def _add_mark(plotter: pyvista.Plotter, mark: Mark) -> None:
+    plotter.add_mesh(pyvista.lines_from_points(mark.line, close=True), color=mark.colour, line_width=6)
+    plotter.add_point_labels(
+        mark.line.mean(axis=0)[None],
+        [mark.text],
+        font_size=34,
+        bold=True,
+        text_color=mark.colour,
+        shape_color="white",
+        shape_opacity=0.85,
+        show_points=False,
+        always_visible=True,
+    )
 
 
 def _aim(plotter: pyvista.Plotter, view: View) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from recon.version import __version__
 
-__all__ = ["peak_memory_mb", "refusal", "result", "statistics", "summary"]
+__all__ = ["kernel_of_all", "peak_memory_mb", "refusal", "result", "statistics", "summary"]
 
 _PHASES = ("read", "reconstruct", "brep", "check", "write")
 
@@ -47,6 +47,25 @@ def result(
 def refusal(command: str, inputs: Sequence[str], reasons: Sequence[str]) -> dict[str, Any]:
     """The object of a run that ended before there was anything to measure."""
     return result(command, inputs=inputs, outputs=(), reasons=reasons, kernel={}, seconds={})
+
+
+def kernel_of_all(kernels: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The `kernel` object of several shapes: sums of counts and sizes, the box around all, the worst of the rest."""
+    if len(kernels) == 1:
+        return dict(kernels[0])
+    found: dict[str, Any] = {"type": "compound"}
+    for key in ("valid", "closed"):
+        found[key] = all(kernel[key] for kernel in kernels)
+    for key in ("solids", "shells", "faces", "edges", "free_edges", "volume", "area", "self_intersections"):
+        found[key] = sum(kernel[key] or 0 for kernel in kernels)
+    boxes = [kernel["bounding_box"] for kernel in kernels if kernel["bounding_box"]]
+    found["bounding_box"] = [[pick(c) for c in zip(*side)] for pick, side in zip((min, max), zip(*boxes))] or None
+    for key in ("max_tolerance", "max_gap", "max_edge_angle_deg"):
+        found[key] = max((kernel[key] for kernel in kernels if kernel[key] is not None), default=None)
+    read = [kernel["read_back"] for kernel in kernels if kernel["read_back"]]
+    changes = [entry["volume_change"] for entry in read if entry["volume_change"] is not None]
+    worst = {"same": all(entry["same"] for entry in read), "volume_change": max(changes, key=abs, default=None)}
+    return found | {"read_back": worst if read else None}
 
 
 def statistics(distances: Any, *, unit: str, against: str) -> dict[str, Any]:

@@ -1,11 +1,11 @@
-"""How far the neighbours' fracture stands off the straight lines between the two edges of the hole.
+"""How far the neighbours' fracture stands off the rungs between the two edges of the hole.
 
-       outer edge  A ----.                     each line from A to B is sampled at a few heights; from there the
+       outer edge  A ----.                     each rung from A to B is sampled at a few heights; from there the
                    |  d   )  fracture          fracture is sought along d, which runs along the walls and so stays
                    | --->(   of a neighbour    between them
-       inner edge  B ----'                     d = T x N, T along the edge, N square to the walls: away from the piece
+       inner edge  B ----'
 
-What was not measured (a gap between sherds, a chip, a face hidden from the scanner) leaves the line as it is, and the
+What was not measured (a gap between sherds, a chip, a face hidden from the scanner) leaves the rung as it is, and the
 relief fades into it.
 """
 
@@ -15,47 +15,48 @@ from numpy.typing import NDArray
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree
 
-__all__ = ["HEIGHTS", "fracture_relief"]
+__all__ = ["fracture_relief"]
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-HEIGHTS = (0.25, 0.5, 0.75)  # of the way from the outer to the inner edge
 ROUNDS = 3  # of going to the nearest point of the fracture and back onto d
 FARTHEST = 0.5  # of the wall's thickness: what lies farther off is another face
 ASIDE = 0.12  # of the thickness: how far the point found may lie beside d
 SMOOTHED = 0.5  # mm along the edge: vertices of a scan lie about as far apart
-DOUBT = 0.15  # weight of the straight line beside that of measured points
+DOUBT = 0.15  # weight of the rung as it is beside that of measured points
 
 
 def fracture_relief(
-    outer: Floats, inner: Floats, normals: Floats, fracture: TriangleMesh, *, clearance: float = 0.0
+    rungs: Floats,
+    away: Floats,
+    fracture: TriangleMesh,
+    *,
+    thickness: Floats,
+    clearance: float = 0.0,
+    closed: bool = True,
 ) -> Floats:
-    """(n, HEIGHTS, 3) by how much the fracture leaves the lines from outer to inner edge, at each height.
+    """(n, HEIGHTS, 3) by how much the fracture leaves the rungs at each height.
 
-    outer, inner  (n, 3) ends of the lines, in their order round the piece, counter-clockwise seen from outside the
-                  vessel; already drawn in by the clearance
-    normals       (n, 3) of the walls there, away from the vessel's inside
-    fracture      faces of the neighbours that look into the hole
-    clearance     in millimetres, that the piece keeps from the fracture
+    rungs      (n, HEIGHTS, 3) points of the rungs, in their order round the piece, counter-clockwise seen from outside
+               the vessel; already drawn in by the clearance
+    away       (n, HEIGHTS, 3) unit vectors along the walls, away from the piece
+    fracture   faces of the neighbours that look into the hole
+    thickness  (n,) of the wall at each rung
+    clearance  in millimetres, that the piece keeps from the fracture
+    closed     whether the first rung follows on the last
     """
     tree = TriangleTree(fracture.vertices, fracture.face_vertices)
-    thickness = float(np.median(np.linalg.norm(outer - inner, axis=1)))
-    middle = 0.5 * (outer + inner)
-    along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
-    away = np.cross(along, normals)
-    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
-    near = _nearness(middle)
-    relief = np.zeros((len(outer), len(HEIGHTS), 3))
-    for k, height in enumerate(HEIGHTS):
-        start = outer + height * (inner - outer)
-        off, found = _sought(tree, start, away, thickness, clearance)
-        relief[:, k] = _smoothed(off, found, near)[:, None] * away
+    near = _nearness(rungs[:, rungs.shape[1] // 2], closed)
+    relief = np.zeros_like(rungs)
+    for k in range(rungs.shape[1]):
+        off, found = _sought(tree, rungs[:, k], away[:, k], thickness, clearance)
+        relief[:, k] = _smoothed(off, found, near)[:, None] * away[:, k]
     return relief
 
 
 def _sought(
-    tree: TriangleTree, start: Floats, away: Floats, thickness: float, clearance: float
+    tree: TriangleTree, start: Floats, away: Floats, thickness: Floats, clearance: float
 ) -> tuple[Floats, Flags]:
     """(n,) signed distance along `away` to the fracture, less the clearance, and whether it was found there."""
     off = np.full(len(start), clearance)
@@ -68,12 +69,13 @@ def _sought(
     return off - clearance, found
 
 
-def _nearness(points: Floats) -> Floats:
-    """(n, n) weights of the other lines for each, by their distance along the closed row of points."""
+def _nearness(points: Floats, closed: bool) -> Floats:
+    """(n, n) weights of the other rungs for each, by their distance along the row of points."""
     steps = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
     place = np.concatenate([[0.0], np.cumsum(steps)])
     apart = np.abs(place[:-1, None] - place[None, :-1])
-    apart = np.minimum(apart, place[-1] - apart)
+    if closed:
+        apart = np.minimum(apart, place[-1] - apart)
     return np.exp(-0.5 * (apart / SMOOTHED) ** 2)
 
 

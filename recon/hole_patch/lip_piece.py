@@ -1,7 +1,7 @@
 """A piece of the rim as a solid in the making: one face over the lip, and the fracture inside its edge.
 
 The edge of the face runs over the lip at two points. They part it into a row on the outer wall and a row on the inner
-one, and the fracture is ruled between them: its ends collapse where the rows meet.
+one, and the fracture spans between them: its ends collapse where the rows meet, and its rungs are arcs there.
 
             L ,-------- lip --------. R       laid open:  L --> outer row --> R   chain 0, counter-clockwise
              /|     outer wall      |\\                     |  |  |  |  |  |        rungs of the fracture, of length 0
@@ -10,33 +10,32 @@ one, and the fracture is ruled between them: its ends collapse where the rows me
             '-------------------------'
 
     k        stations; rungs that are shortest in all (a ribbon), so that they follow a lip however it is rolled
-    t_k      parameter of station k on both chains and on the fracture: mean chord length of both
 
-Paper  [fuchs1977], the ribbon; [piegl1997], sections 8.4 (ruled surfaces) and 9.2 (spline interpolation).
+Paper  [fuchs1977], the ribbon.
 """
 
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
 
 from recon.errors import NoWall
-from recon.geometry.bspline import BSplineCurve, BSplineSurface
+from recon.geometry.bspline import BSplineSurface
+from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, TrimLoop, TrimmedSurface
+from recon.hole_patch.fracture_band import HEIGHTS, FractureBand, rung_points
+from recon.hole_patch.fracture_relief import fracture_relief
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.thickness import Thickness
+from recon.hole_patch.trim_loop import withdrawn
 from recon.numerics.polygons import within
 from recon.numerics.ribbons import ribbon
-from recon.numerics.spline_parts import spline_part
 
 __all__ = ["lip_piece", "lip_thickness"]
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 WALLS = 4
@@ -47,18 +46,25 @@ PACE = 0.3  # what a millimetre of uneven pace along the chains counts beside on
 EVEN = 0.1  # share of an even pace in the pairs: no station stands still while the other chain goes on
 ON_SHEET = 1e-3  # mm by which the fracture may leave the face between stations
 HALVINGS = 4  # of the steps between stations where it does
+LEVELLED = 0.7  # mm along the edge over which its directions are averaged
+FARTHEST = 0.5  # of the length of a rung: more relief than that would not fit beside the lip
 SAMPLES = 8  # points of the loop in a span of its curves, to measure lengths on
 
 
-def lip_piece(sheet: Sheet) -> LipPiece:
-    """Close a piece of the rim by a ruled fracture.
+def lip_piece(sheet: Sheet, fracture: TriangleMesh | None = None, *, clearance: float = 0.0) -> LipPiece:
+    """Close a piece of the rim by its fracture.
 
-    sheet     runs over the lip, and says where
-    Promises  the face keeps its surface, its loop is drawn anew through the stations, and begins at the lip; wall[k]
-              lies on it at both sides, exactly at the stations and between them to `ON_SHEET`, unless the loop is so
-              crooked that `HALVINGS` are not enough.
-    Raises    NoWall when the edge does not run over the lip on two sides.
+    sheet      runs over the lip, and says where
+    fracture   the neighbours' fracture faces that look into the hole, which the fracture of the piece then follows
+    clearance  in millimetres: how far the piece stays away from its neighbours
+    Promises   the face keeps its surface, its loop is drawn anew through the stations, and begins at the lip; wall[k]
+               lies on it at both sides, exactly at the stations and between them to `ON_SHEET`, unless the loop is so
+               crooked that `HALVINGS` are not enough; the fracture does not fold between stations.
+    Raises     NoWall when the edge does not run over the lip on two sides; NoSurface when nothing of the piece is left
+               by the clearance.
     """
+    if clearance > 0.0:
+        sheet = replace(sheet, trimmed=withdrawn(sheet.trimmed, clearance))
     chains = _chains(sheet)
     pairs = _pairs(*chains)
     band = _band(chains, pairs)
@@ -69,7 +75,14 @@ def lip_piece(sheet: Sheet) -> LipPiece:
         split = np.flatnonzero(wide | np.roll(wide, 1) | np.roll(wide, -1))
         pairs = np.insert(pairs, split + 1, 0.5 * (pairs[split] + pairs[split + 1]), axis=0)
         band = _band(chains, pairs)
-    return band.piece()
+    sides = tuple(_Side.of(chains, pairs, row) for row in (0, 1))
+    bend = _bend(band, sides)
+    band = band.following(bend=bend)
+    if fracture is not None and fracture.n_faces:
+        rungs = rung_points(*band.ends()) + bend
+        relief = _relief(band, rungs, sides, fracture, clearance)
+        band = band.following(relief=relief).unfolded()
+    return _piece(sheet.trimmed.surface, band)
 
 
 def lip_thickness(sheet: Sheet) -> Thickness:
@@ -198,50 +211,92 @@ def _smoothed(rows: Floats, half: int) -> Floats:
     return np.asarray(mean[half : half + len(rows)])
 
 
-@dataclass(frozen=True, eq=False)
-class _Band:
-    """The fracture as a spline through rows of (u, v) on both chains and both points."""
-
-    chains: tuple[_Chain, _Chain]
-    t: Floats  # (n + 1,)
-    spline: CubicSpline
-    rows: Floats  # (n + 1, 10)
-
-    def gaps(self) -> Floats:
-        """(n,) greatest distance between fracture and face, at quarters of the way from station to station."""
-        surface = self.chains[0].trimmed.surface
-        worst = np.zeros(len(self.t) - 1)
-        for share in (0.25, 0.5, 0.75):
-            row = self.spline(self.t[:-1] + share * np.diff(self.t))
-            for uv, point in ((row[:, 0:2], row[:, 4:7]), (row[:, 2:4], row[:, 7:10])):
-                worst = np.maximum(worst, np.linalg.norm(surface.point(uv) - point, axis=1))
-        return worst
-
-    def piece(self) -> LipPiece:
-        corners = np.linspace(0, len(self.t) - 1, WALLS + 1).round().astype(int)
-        parts = [self._part(a, b) for a, b in pairwise(corners)]
-        outer = [BSplineCurve(3, t, c[:, 0:2]) for t, c in parts]
-        inner = [BSplineCurve(3, t, c[:, 2:4]).reversed() for t, c in parts]
-        face = TrimmedSurface(self.chains[0].trimmed.surface, (TrimLoop((*outer, *inner[::-1])),))
-        return LipPiece(face, tuple(_ruled(t, c[:, 4:7], c[:, 7:10]) for t, c in parts))
-
-    def _part(self, first: int, last: int) -> tuple[Floats, Floats]:
-        """Knots and control rows of the spline between two stations: the only one with these points and end slopes."""
-        at = np.s_[first : last + 1]
-        return spline_part(self.t[at], self.rows[at], self.spline(self.t[[first, last]], 1))
-
-
-def _band(chains: tuple[_Chain, _Chain], pairs: Floats) -> _Band:
+def _band(chains: tuple[_Chain, _Chain], pairs: Floats) -> FractureBand:
+    """The straight fracture through stations, lengths (n, 2) along both chains."""
     uv = [chain.at(column) for chain, column in zip(chains, pairs.T)]
     for end in (0, -1):  # one point, found from both sides
         uv[1][end] = uv[0][end]
-    points = [chain.trimmed.surface.point(q) for chain, q in zip(chains, uv)]
-    rows = np.concatenate([*uv, *points], axis=1)
-    steps = [np.linalg.norm(np.diff(rows[:, columns], axis=0), axis=1) for columns in (np.s_[4:7], np.s_[7:10])]
-    t = np.concatenate([[0.0], np.cumsum(0.5 * (steps[0] + steps[1]))])
-    return _Band(chains, t, CubicSpline(t, rows), rows)
+    surface = chains[0].trimmed.surface
+    return FractureBand.along((surface, surface), (uv[0], uv[1]))
 
 
-def _ruled(knots: Floats, outer: Floats, inner: Floats) -> BSplineSurface:
-    """Straight from one spline to the other at equal parameters."""
-    return BSplineSurface(3, 1, knots, np.array([0.0, 0.0, 1.0, 1.0]), np.stack([outer, inner], axis=1))
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """Directions at the stations on one chain, as they are in the mean over `LEVELLED` of the loop.
+
+    along   (n, 3) along the edge, counter-clockwise seen from outside the vessel on the outer wall
+    inward  (n, 3) into the material
+    away    (n, 3) along the face, away from the piece
+    """
+
+    along: Floats
+    inward: Floats
+    away: Floats
+
+    @classmethod
+    def of(cls, chains: tuple[_Chain, _Chain], pairs: Floats, row: int) -> "_Side":
+        whole = sum(chain.length for chain in chains)
+        n = max(64, round(whole / STEP))
+        at = np.arange(n) * whole / n
+        first = at < chains[0].length
+        uv = np.concatenate([chains[0].at(at[first]), chains[1].at(whole - at[~first])])
+        surface = chains[0].trimmed.surface
+        points, out = surface.point(uv), surface.normal(uv)
+        width = LEVELLED * n / whole
+        along = gaussian_filter1d(np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0), width, axis=0, mode="wrap")
+        out = gaussian_filter1d(out, width, axis=0, mode="wrap")
+        place = pairs[:, 0] if row == 0 else whole - pairs[:, 1]
+        along, out = (
+            np.stack([np.interp(place, at, column, period=whole) for column in rows.T], axis=1) for rows in (along, out)
+        )
+        return cls(_unit(along) * (1.0 if row == 0 else -1.0), -_unit(out), _unit(np.cross(along, out)))
+
+
+def _unit(rows: Floats) -> Floats:
+    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300))
+
+
+def _bend(band: FractureBand, sides: tuple[_Side, _Side]) -> Floats:
+    """(n, HEIGHTS, 3) by how much rungs that leave the edge square to it stand off the straight ones.
+
+    Near the lip a straight rung runs along the face and nearly in it. One that dives into the material first, square
+    to the edge, is an arc there; arcs square to a round bead never cross, and in the wall they are straight.
+    """
+    outer, inner = band.ends()
+    chord = inner - outer
+    length = np.linalg.norm(chord, axis=1, keepdims=True)
+    way = chord / np.maximum(length, 1e-300)
+    handles = [_handle(side, sign * way) for side, sign in zip(sides, (1.0, -1.0))]
+    h = np.array(HEIGHTS)[:, None, None]
+    arc = 3 * h * (1 - h) * ((1 - h) * handles[0] + h * (handles[1])) * length
+    straight = 3 * h * (1 - h) * h * chord + h**3 * chord
+    return np.asarray((arc + straight - h * chord).transpose(1, 0, 2))
+
+
+def _handle(side: _Side, way: Floats) -> Floats:
+    """(n, 3) from the end of an arc to its next Bezier point, for a chord of length 1 along `way`."""
+    lengthwise = np.einsum("ij,ij->i", way, side.along)[:, None]
+    leaves = _unit(way - lengthwise * side.along + lengthwise**2 * side.inward)
+    turn = np.clip(np.einsum("ij,ij->i", leaves, way), 0.0, 1.0)[:, None]
+    return np.asarray(leaves * 2.0 / (3.0 * (1.0 + turn)))
+
+
+def _relief(
+    band: FractureBand, rungs: Floats, sides: tuple[_Side, _Side], fracture: TriangleMesh, clearance: float
+) -> Floats:
+    """(n, HEIGHTS, 3) by how much the neighbours' fracture leaves the rungs; nothing at the lip, where they end."""
+    outer, inner = band.ends()
+    width = np.linalg.norm(inner - outer, axis=1)
+    h = np.array(HEIGHTS)[None, :, None]
+    away = (1 - h) * sides[0].away[:, None] + h * sides[1].away[:, None]
+    away /= np.maximum(np.linalg.norm(away, axis=2, keepdims=True), 1e-300)
+    thickness = np.minimum(width, np.median(width))
+    relief = fracture_relief(rungs, away, fracture, thickness=thickness, clearance=clearance, closed=False)
+    most = FARTHEST * thickness / np.maximum(np.linalg.norm(relief, axis=2).max(axis=1), 1e-300)
+    return relief * np.minimum(most, 1.0)[:, None, None]
+
+
+def _piece(surface: BSplineSurface, band: FractureBand) -> LipPiece:
+    parts = band.parts(np.linspace(0, len(band.t) - 1, WALLS + 1).round().astype(int))
+    loop = TrimLoop((*(part.outer for part in parts), *(part.inner.reversed() for part in reversed(parts))))
+    return LipPiece(TrimmedSurface(surface, (loop,)), tuple(part.wall for part in parts))

@@ -9,6 +9,7 @@ Paper  [kinoshita], sections 3.1 and 3.4 step 1, where the edge is picked by han
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +21,33 @@ from recon.hole_patch.assembly import Assembly, assemble, label_groups, steady_n
 from recon.hole_patch.axis import wheel_axis
 from recon.hole_patch.edge_cleaning import chart_points, clean_rows, crossings, signed_area
 from recon.hole_patch.fracture import looks_into_hole, mated_faces, wall_thickness
+from recon.hole_patch.hole import Hole
 from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_edges
-from recon.hole_patch.open_rims import excursions, sweep, winding
+from recon.hole_patch.open_rims import comes_near, excursions, sweep, winding
 from recon.hole_patch.shown_thickness import shown_thickness
 from recon.hole_patch.smoothing import taubin_smooth
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind, ShownThickness, Surroundings, Wall
-from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
+from recon.hole_patch.walls import (
+    FRACTURE,
+    INNER,
+    OUTER,
+    fracture_faces,
+    label_walls,
+    lip_height,
+    wall_mesh,
+    wall_trust,
+)
 
-__all__ = ["Hole", "find_holes", "separate", "surroundings"]
+__all__ = [
+    "Hole",
+    "Reading",
+    "find_holes",
+    "read_sherds",
+    "separate",
+    "surroundings",
+    "surroundings_in",
+    "what_was_found",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,47 +55,27 @@ Flags = NDArray[np.bool_]
 
 RELIEF_REACH = 2.5  # millimetres: how far from a border smoothing is held back by the vertices that do not move
 LEAST_LENGTH, LEAST_AREA = 8.0, 4.0  # of a hole, in thicknesses and their square; smaller ones are chips
+LEAST_DEPTH = 2.0  # thicknesses that a hole reaches down from the lip; less is the lip's own unevenness, or a chip
 LEAST_KNOWN = 30.0  # thicknesses: of a line that is mostly unknown, to be worth a word
 SIZEABLE = 0.002  # of all area, to be a sherd of its own
 THICKEST = 0.4  # of a wall, in radii of the vessel
+NOT_ROUND = 0.1  # thicknesses off the wheel, from which on walls recur badly round it
 NEARLY_ROUND = 1.75 * np.pi
 OPEN_THICKNESS = 2.0  # edge lengths that stand for the thickness where only one wall was scanned
 
 
 @dataclass(frozen=True, eq=False)
-class Hole:
-    """A hole between the sherds.
+class Reading:
+    """What was understood of the sherds: read once, it tells of every hole between them.
 
-    outer     its edge on the outer wall; where it runs over the lip, on both walls
-    inner     its edge on the inner wall, or None
-    problem   why it cannot be patched, or an empty text
-    kind      what surrounds it
-    over_lip  whether its edge runs over the lip
+    table, normals  their faces, and normals (F, 3) freed from noise
+    axis            the wheel's, or None
+    labels          (F,) OUTER, INNER or FRACTURE
+    thickness       of the wall, or what stands for it where only one wall was scanned
+    closed          (S,) sherds with both walls and their fracture
+    fracture        (F,) fracture faces that look into a hole
+    cycles          closed lines between wall and void, longest first
     """
-
-    outer: HoleEdge
-    inner: HoleEdge | None
-    problem: str = ""
-    kind: HoleKind = HoleKind.WALL
-    over_lip: bool = False
-
-    @property
-    def n_walls(self) -> int:
-        return 1 if self.inner is None and not self.over_lip else 2
-
-    @property
-    def length(self) -> float:
-        p = self.outer.points
-        return float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())
-
-    @property
-    def place(self) -> Floats:
-        return np.asarray(self.outer.points.mean(axis=0))
-
-
-@dataclass(frozen=True, eq=False)
-class _Reading:
-    """What was understood of the sherds."""
 
     table: Assembly
     normals: Floats
@@ -85,6 +85,11 @@ class _Reading:
     closed: Flags
     fracture: Flags
     cycles: list[Cycle]
+
+    @cached_property
+    def holes(self) -> tuple[Hole, ...]:
+        """All holes, the longest edge first; mouth and base are none."""
+        return tuple(_holes(self))
 
 
 def surroundings(
@@ -100,8 +105,14 @@ def surroundings(
     Raises  NoHole, NotManifold, BadGeometry; BadOption when there is no hole of that number.
     Paper   [kinoshita], [taubin1995].
     """
-    reading = _read(sherds)
-    holes = _holes(reading)
+    return surroundings_in(read_sherds(sherds), hole=hole, near=near, pass_band=pass_band)
+
+
+def surroundings_in(
+    reading: Reading, *, hole: int | None = None, near: Floats | None = None, pass_band: float = 0.01
+) -> Surroundings:
+    """The same of sherds that were read already; parameters and errors as of `surroundings`."""
+    holes = reading.holes
     if near is not None and holes:
         hole = min(range(len(holes)), key=lambda k: float(np.linalg.norm(holes[k].place - near)))
     chosen = _chosen(holes, hole, reading)
@@ -124,7 +135,24 @@ def find_holes(sherds: Sequence[TriangleMesh]) -> tuple[Hole, ...]:
 
     Raises  NoHole when the sherds fit no wheel's axis and so cannot be understood; NotManifold, BadGeometry.
     """
-    return tuple(_holes(_read(sherds)))
+    return read_sherds(sherds).holes
+
+
+def what_was_found(reading: Reading) -> str:
+    """The sentence for sherds that surround no hole: what there is in its place."""
+    if not reading.cycles:
+        least = LEAST_LENGTH * reading.thickness
+        found = f"no line between wall and void is longer than {least:.3g}, eight times the wall's thickness"
+    else:
+        longest, count = reading.cycles[0].length, len(reading.cycles)
+        found = f"of {count} open lines, the longest {longest:.3g} long, none runs round a hole in the wall"
+    doubt = ""
+    if reading.closed.any() and reading.axis is not None and reading.axis.quality > NOT_ROUND * reading.thickness:
+        doubt = (
+            f" The walls stand off from the wheel by {reading.axis.quality:.2f} mm, so that fracture may pass for wall:"
+            " give the outer walls alone, as open meshes."
+        )
+    return f"the sherds surround no hole: {found}.{doubt}"
 
 
 def separate(sherds: Sequence[TriangleMesh]) -> list[TriangleMesh]:
@@ -137,9 +165,9 @@ def separate(sherds: Sequence[TriangleMesh]) -> list[TriangleMesh]:
     return [TriangleMesh(table.vertices, table.faces, sherds[0].name).part(group == k) for k in large]
 
 
-def _chosen(holes: list[Hole], number: int | None, reading: _Reading) -> Hole:
+def _chosen(holes: tuple[Hole, ...], number: int | None, reading: Reading) -> Hole:
     if not holes:
-        raise NoHole(f"the sherds surround no hole: {_what_was_found(reading)}.")
+        raise NoHole(what_was_found(reading))
     if number is None and reading.axis is None:
         raise NoHole(
             "the sherds fit no wheel, so a hole cannot be told from the mouth: "
@@ -155,15 +183,11 @@ def _chosen(holes: list[Hole], number: int | None, reading: _Reading) -> Hole:
     return holes[number]
 
 
-def _what_was_found(reading: _Reading) -> str:
-    if not reading.cycles:
-        least = LEAST_LENGTH * reading.thickness
-        return f"no line between wall and void is longer than {least:.3g}, eight times the wall's thickness"
-    longest = reading.cycles[0].length
-    return f"of {len(reading.cycles)} open lines, the longest {longest:.3g} long, none runs round a hole in the wall"
+def read_sherds(sherds: Sequence[TriangleMesh]) -> Reading:
+    """Axis, walls and lines between wall and void of sherds in pose; see `surroundings` for what they may be.
 
-
-def _read(sherds: Sequence[TriangleMesh]) -> _Reading:
+    Raises  NoHole when closed sherds fit no wheel's axis and so cannot be understood; NotManifold, BadGeometry.
+    """
     table = assemble(separate(sherds))
     normals = steady_normals(table)
     closed = _closed_sherds(table)
@@ -176,10 +200,10 @@ def _read(sherds: Sequence[TriangleMesh]) -> _Reading:
     if axis is not None:
         labels = label_walls(table, normals, axis, fracture=void, thickness=thickness)
     cycles = _cycles(table, normals, axis, labels, hole=void, closed=closed, thickness=thickness)
-    return _Reading(table, normals, axis, labels, thickness, closed, void, cycles)
+    return Reading(table, normals, axis, labels, thickness, closed, void, cycles)
 
 
-def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Flags) -> _Reading:
+def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Flags) -> Reading:
     if axis is None:
         raise NoHole(
             "the sherds fit no wheel: their walls do not recur round any axis, so wall cannot be told from fracture; "
@@ -197,7 +221,7 @@ def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Fl
     axis = wheel_axis(table.centres[wall], normals[wall], table.areas[wall]) or axis
     hole = looks_into_hole(table, ~wall, mated, radius=0.7 * thickness)
     cycles = _cycles(table, normals, axis, labels, hole=hole, closed=closed, thickness=thickness)
-    return _Reading(table, normals, axis, labels, thickness, closed, hole, cycles)
+    return Reading(table, normals, axis, labels, thickness, closed, hole, cycles)
 
 
 def _closed_sherds(table: Assembly) -> Flags:
@@ -223,18 +247,13 @@ def _cycles(
     lip = np.ones(table.n_faces, dtype=bool)
     if axis is not None:
         height = axis.cylindrical(table.centres)[:, 2]
-        lip = height > _lip_height(height)
+        lip = height > lip_height(height)
     free = free_border(table, closed)
     void = void_edges(table, labels, hole=hole, free=free, lip=lip, thickness=thickness)
     return [c for c in hole_cycles(table, normals, labels, void=void) if c.length > LEAST_LENGTH * thickness]
 
 
-def _lip_height(height: Floats) -> float:
-    low, high = np.quantile(height, [0.001, 0.999])
-    return float(high - 0.1 * (high - low))
-
-
-def _holes(reading: _Reading) -> list[Hole]:
+def _holes(reading: Reading) -> list[Hole]:
     """Holes on the outer wall, each with its partner on the inner one, longest first."""
     kinds = [_kind(c, reading) for c in reading.cycles]
     outer, inner, both = (
@@ -253,7 +272,7 @@ def _holes(reading: _Reading) -> list[Hole]:
     return sorted(found, key=lambda hole: -hole.length)
 
 
-def _shown(reading: _Reading) -> ShownThickness | None:
+def _shown(reading: Reading) -> ShownThickness | None:
     """Thickness where the scans show it; without an axis nobody knows which wall is which."""
     if reading.axis is None:
         return None
@@ -261,19 +280,19 @@ def _shown(reading: _Reading) -> ShownThickness | None:
     return shown_thickness(reading.table, reading.normals, reading.labels, limit=limit)
 
 
-def _fracture(reading: _Reading, hole: Hole) -> TriangleMesh | None:
+def _fracture(reading: Reading, hole: Hole) -> TriangleMesh | None:
     """The fracture faces that look into a hole, within a few thicknesses of its edge."""
     table = reading.table
     faces = np.flatnonzero(reading.fracture)
-    if hole.inner is None or not len(faces):
+    if (hole.inner is None and not hole.over_lip) or not len(faces):
         return None
-    edge = cKDTree(np.concatenate([hole.outer.points, hole.inner.points]))
+    edge = cKDTree(np.concatenate([wall.points for wall in (hole.outer, hole.inner) if wall is not None]))
     near = edge.query(table.centres[faces], distance_upper_bound=2.0 * reading.thickness)[0]
     faces = faces[np.isfinite(near)]
     return TriangleMesh(table.vertices, table.faces, "fracture").part(faces) if len(faces) else None
 
 
-def _kind(cycle: Cycle, reading: _Reading) -> int:
+def _kind(cycle: Cycle, reading: Reading) -> int:
     """Which wall a line bounds; the border of open walls that runs round the mouth may lie on part of the lip."""
     if not reading.closed.any() and reading.axis is not None and winding(cycle, reading.axis):
         return OUTER
@@ -281,34 +300,42 @@ def _kind(cycle: Cycle, reading: _Reading) -> int:
     return OUTER if share > 0.8 else INNER if share < 0.2 else OUTER + INNER
 
 
-def _over_the_lip(cycle: Cycle, reading: _Reading) -> list[Hole]:
+def _over_the_lip(cycle: Cycle, reading: Reading) -> list[Hole]:
     """A line that runs over the lip bounds a hole at the rim; elsewhere such a line is a lump."""
     assert reading.axis is not None  # without it every wall is an outer one
     height = reading.axis.cylindrical(reading.table.centres)[:, 2]
-    if reading.axis.cylindrical(cycle.points)[:, 2].max() < _lip_height(height):
+    line = reading.axis.cylindrical(cycle.points)[:, 2]
+    if line.max() < lip_height(height) or np.ptp(line) < LEAST_DEPTH * reading.thickness:
         return []
     edge = HoleEdge(cycle.points[::-1], cycle.sherds[::-1], cycle.normals[::-1])
     return [Hole(edge, None, kind=HoleKind.RIM, over_lip=True)]
 
 
-def _parts(cycle: Cycle, reading: _Reading) -> list[tuple[Cycle, HoleKind, str]]:
+def _parts(cycle: Cycle, reading: Reading) -> list[tuple[Cycle, HoleKind, str]]:
     """The holes that a line on the outer wall bounds, each with what surrounds it and what is wrong with it."""
     axis = reading.axis
     if cycle.gap > 0.25 * cycle.length:
         if cycle.length < LEAST_KNOWN * reading.thickness:
             return []
         return [(cycle, HoleKind.WALL, f"{cycle.gap:.3g} of its edge are missing in one stretch")]
-    if axis is None or reading.closed.any():
+    if axis is None:
         return [(cycle, HoleKind.WALL, "")]
     turns = winding(cycle, axis)
+    if turns == 0 and reading.closed.any():
+        return [(cycle, HoleKind.WALL, "")]
     if turns == 0:
         problem = "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else ""
         return [(cycle, HoleKind.WALL, problem)]
+    if turns > 0 and comes_near(cycle, axis):
+        return [(cycle, HoleKind.WALL, "")]
+    if reading.closed.any():
+        missing = "above" if turns < 0 else "below"
+        return [(cycle, HoleKind.WALL, f"it runs round the whole vessel: all that was {missing} it is missing")]
     kind = HoleKind.RIM if turns < 0 else HoleKind.FOOT
     return [(part, kind, "") for part in excursions(cycle, axis, reading.table.spacing)]
 
 
-def _edge(cycle: Cycle, reading: _Reading, *, outward: float) -> HoleEdge | None:
+def _edge(cycle: Cycle, reading: Reading, *, outward: float) -> HoleEdge | None:
     """The line, cleaned and turned counter-clockwise seen from outside; None when it surrounds wall, or is a chip.
 
     outward   1 on the outer wall, -1 on the inner one, whose normals point to the vessel's inside
@@ -326,7 +353,7 @@ def _edge(cycle: Cycle, reading: _Reading, *, outward: float) -> HoleEdge | None
     return HoleEdge(points[turn], sherds[turn])
 
 
-def _partner(outer: Cycle, inner: list[Cycle], reading: _Reading) -> HoleEdge | None:
+def _partner(outer: Cycle, inner: list[Cycle], reading: Reading) -> HoleEdge | None:
     """The edge on the inner wall that runs along the one on the outer wall."""
     tree = cKDTree(outer.points)
     best: tuple[float, HoleEdge | None] = (3.0 * reading.thickness, None)
@@ -338,7 +365,7 @@ def _partner(outer: Cycle, inner: list[Cycle], reading: _Reading) -> HoleEdge | 
     return best[1]
 
 
-def _wall(reading: _Reading, sides: tuple[int, ...], edge: HoleEdge, pass_band: float) -> Wall:
+def _wall(reading: Reading, sides: tuple[int, ...], edge: HoleEdge, pass_band: float) -> Wall:
     on_wall = np.isin(reading.labels, sides)
     measured, sherds = wall_mesh(reading.table, on_wall, turned=sides == (INNER,))
     trust = wall_trust(measured, reach=max(RELIEF_REACH, 3.0 * reading.table.spacing))

@@ -43,7 +43,7 @@ from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
-__all__ = ["WallFit", "fit_wall", "wheel_sheet"]
+__all__ = ["WallFit", "fit_wall", "wheel_sheet", "with_clean_edge"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -62,6 +62,8 @@ ASTRAY = 1.25  # no relief or pose stands so far off where most of the edge does
 MEETINGS = 4  # rounds in which the face is drawn to the edge that it missed
 DOWN = 0.3  # mm, most depth times slope of relief at the edge: cords are deep where they are level
 NEIGHBOURS = 16  # points of the edge that a node averages over: 1.5 units to either side
+JUMP = 10.0  # farther along the wall than in space: to the other side of it, and no cut corner
+SHORT = 0.05  # of the edge's points: a stretch between two jumps that is no side of the hole
 OUT_OF_ROUND = 3.0  # relief is well below, a wrong axis well above
 LIP_SPANS = 0.2, 0.5  # least length between knots over a lip, and their distance there in radii of curvature
 MOST_LIP_SPANS = 96
@@ -173,7 +175,7 @@ def fit_wall(wall: Wall, axis: Axis, *, stiffness: float | None = None) -> WallF
     wall, axis = wall_in(wall, unit), axis_in(axis, unit)
     chart = wheel_chart(wall, axis)
     if wall.over_lip:
-        wall = _with_clean_edge(wall, chart, DOWN / unit)
+        wall = with_clean_edge(wall, chart, DOWN / unit)
     edge = chart.flat(wall.edge.points, wall.edge.normals)
     ring = _ring(wall, chart, edge)
     residual = fit_residual(ring, chart.stretch, stiffness=stiffness)
@@ -188,11 +190,11 @@ def fit_wall(wall: Wall, axis: Axis, *, stiffness: float | None = None) -> WallF
     return WallFit(unit, wall, chart, edge, ring, residual, sound)
 
 
-def _with_clean_edge(wall: Wall, chart: WheelChart, down: float) -> Wall:
+def with_clean_edge(wall: Wall, chart: WheelChart, down: float = DOWN) -> Wall:
     """The wall with what is no edge of it cut off from the hole's edge: spikes, hairs and crossings in the chart, and
     stretches that run down into the fracture, which is deep and steep at once.
     """
-    edge = wall.edge
+    edge = _without_strays(wall.edge, chart)
     steps = np.linalg.norm(np.diff(edge.points, axis=0, append=edge.points[:1]), axis=1)
     flat = chart.flat(edge.points, edge.normals)
     # in space the edge on one wall may be nearer to that on the other than a hair is wide
@@ -205,6 +207,25 @@ def _with_clean_edge(wall: Wall, chart: WheelChart, down: float) -> Wall:
     deep = _running_median(flat[:, 2], _loop_length(points), 4.0 * MARGIN) - flat[:, 2]
     on_wall = deep * steep < down
     return replace(wall, edge=HoleEdge(points[on_wall], edge.sherds[rows][on_wall], normals[on_wall]))
+
+
+def _without_strays(edge: HoleEdge, chart: WheelChart) -> HoleEdge:
+    """The edge without points laid on the other wall, by their normal or for a short stretch of the line: to the chart
+    it jumps there and back, and what lies between would be cut off as a hair.
+    """
+    if edge.normals is None:
+        return edge
+    off = chart.flat(edge.points, edge.normals)[:, 2]
+    rows = np.flatnonzero(np.abs(off - _running_median(off, _loop_length(edge.points), 4.0 * MARGIN)) < ASTRAY)
+    points = edge.points[rows]
+    place = chart.unfolded(chart.flat(points, edge.normals[rows])[:, :2])
+    along, across = (np.linalg.norm(np.roll(x, -1, axis=0) - x, axis=1) for x in (place, points))
+    # runs between jumps; the first goes on in the last
+    run = np.roll(np.cumsum(along > across + JUMP), 1)
+    run[0] = 0
+    run[run == run.max()] = 0 if along[-1] <= across[-1] + JUMP else run.max()
+    rows = rows[(np.bincount(run) > SHORT * len(rows))[run]]
+    return HoleEdge(edge.points[rows], edge.sherds[rows], edge.normals[rows])
 
 
 def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
@@ -282,7 +303,7 @@ def _sound(left: Floats, length: Floats, measured: Bools, unit: float) -> Bools:
     """
     off = np.abs(left - _running_median(left, length, min(BESIDE / unit, MOST_BESIDE)))
     usual = 1.4826 * float(np.median(off[measured]))
-    allowed = float(np.quantile(off[measured], 1.0 - REJECTED))
+    allowed = float(np.quantile(off[measured], 1.0 - REJECTED, method="higher"))  # never more than the share
     astray = np.abs(left - np.median(left[measured]))
     on_wall = astray <= max(6.0 * 1.4826 * float(np.median(astray[measured])), ASTRAY)
     return measured & on_wall & (off <= max(6.0 * usual, allowed, SMALLEST_CHIP / unit))

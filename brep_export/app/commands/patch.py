@@ -77,9 +77,17 @@ def patch(
         Relief, typer.Option(help="continue: the pattern of the rest of the vessel goes on over the piece.")
     ] = Relief.NONE,
     hole: Annotated[
-        int | None, typer.Option(help="Number of the hole, as --list gives it. Default: the longest.", min=0)
+        str | None,
+        typer.Option(
+            metavar="N|all",
+            help="Number of the hole, as --list gives it. Default: the longest that can be patched. all: a piece for"
+            " every hole that can be patched, hole 0 in piece-0.step where piece.step is named, and so on; all are"
+            " written, or none.",
+        ),
     ] = None,
-    list_holes: Annotated[bool, typer.Option("--list", help="List the holes and make nothing.")] = False,
+    list_holes: Annotated[
+        bool, typer.Option("--list", help="List the holes and make nothing; --picture draws them with their numbers.")
+    ] = False,
     pass_band: Annotated[
         float, typer.Option(help="Pass band k_PB of the filter that removes the relief.", min=0.001, max=0.5)
     ] = 0.01,
