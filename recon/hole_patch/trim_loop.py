@@ -101,9 +101,22 @@ def withdrawn(trimmed: TrimmedSurface, clearance: float) -> TrimmedSurface:
     if not left:
         raise NoSurface(f"with a clearance of {clearance:g} mm nothing is left of the piece; give a smaller one.")
     outline = np.asarray(max(left, key=_area), dtype=np.float64)
-    return TrimmedSurface(
-        trimmed.surface, (parameter_loop(trimmed.surface, outline / scale, n_curves=len(loop.pcurves)),)
+    spacing = _step(loop, scale)
+    drawn = parameter_loop(
+        trimmed.surface,
+        outline / scale,
+        n_curves=len(loop.pcurves),
+        spacing=spacing,
+        cleaning=CLEANING_RADIUS / SPACING * spacing,
     )
+    return TrimmedSurface(trimmed.surface, (drawn,))
+
+
+def _step(loop: TrimLoop, scale: Floats) -> float:
+    """Millimetres between the points that a loop was drawn through, in the mean."""
+    polygon = loop.polygon() * scale
+    length = float(np.linalg.norm(np.diff(polygon, axis=0, append=polygon[:1]), axis=1).sum())
+    return length / sum(len(np.unique(curve.knots)) - 1 for curve in loop.pcurves)
 
 
 def clean_polygon(polygon: Floats, *, radius: float) -> Floats:

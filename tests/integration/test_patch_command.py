@@ -18,6 +18,7 @@ from recon.readers.meshes import read_mesh
 RECON = [sys.executable, "-c", "from brep_export.app.cli import main; main()"]
 VESSELS = Path(__file__).parents[2].parent / "shared" / "data" / "vessels"
 THICKNESS = 3.5
+LOST_TOO = 2  # a sherd of the belly, opposite the lost one
 
 
 def recon(*words):
@@ -96,6 +97,37 @@ def test_holes_are_listed_by_number_and_chosen_by_it(vessel, scans, tmp_path):
     passed(recon("patch", *scans["closed"], "--hole", 0, "-o", tmp_path / "piece.step"))
     beyond = recon("patch", *scans["closed"], "--hole", len(holes), "-o", tmp_path / "other.step")
     assert beyond.returncode == 2 and "hole" in beyond.stderr and not (tmp_path / "other.step").exists()
+
+
+def test_every_hole_gets_a_piece_of_its_own_numbered_as_they_are_listed(vessel, scans, tmp_path):
+    left = [*scans["outer"][:LOST_TOO], *scans["outer"][LOST_TOO + 1 :]]
+    listed = recon("patch", *left, "--list", "--picture", tmp_path / "holes.png")
+    holes = list(json.loads(listed.stdout)["room"].values())
+    assert [hole["number"] for hole in holes] == [0, 1] and (tmp_path / "holes.png").stat().st_size > 0
+    assert all(hole["kind"] == "wall" and hole["problem"] is None for hole in holes)
+    answer = passed(recon("patch", *left, "--hole", "all", "-o", tmp_path / "face.step", "-o", tmp_path / "face.brep"))
+    pieces = answer["room"]["pieces"]
+    written = [f"{tmp_path}/face-{number}.{ending}" for number in (0, 1) for ending in ("step", "brep")]
+    assert answer["outputs"] == written == [path for piece in pieces for path in piece["outputs"]]
+    assert [piece["hole"] for piece in pieces] == [0, 1] and answer["room"]["holes"] == 2
+    for piece, hole in zip(pieces, holes):
+        away = np.mean(piece["kernel"]["bounding_box"], axis=0) - [float(x) for x in hole["near"].split()]
+        assert piece["verdict"] == "pass" and np.linalg.norm(away) < 5.0
+    assert answer["kernel"]["faces"] == sum(piece["kernel"]["faces"] for piece in pieces)
+
+
+def test_of_several_pieces_all_are_written_or_none(scans, tmp_path):
+    left = [*scans["outer"][:LOST_TOO], *scans["outer"][LOST_TOO + 1 :]]
+    (tmp_path / "face-1.step").mkdir()  # in the way of the second piece
+    run = recon("patch", *left, "--hole", "all", "-o", tmp_path / "face.step")
+    assert run.returncode == 2 and "face-1.step" in run.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["face-1.step"]
+
+
+@pytest.mark.parametrize("hole", ["every", "-1", "1.5"])
+def test_a_hole_that_is_no_number_is_refused_in_words(scans, tmp_path, hole):
+    run = recon("patch", *scans["outer"], "--hole", hole, "-o", tmp_path / "face.step")
+    assert run.returncode == 2 and "--hole" in run.stderr and not list(tmp_path.iterdir())
 
 
 def test_a_thickness_that_the_scans_make_needless_is_said(scans, tmp_path):
