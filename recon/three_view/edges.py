@@ -59,10 +59,12 @@ class _RunTable:
         n = len(graph.points)
         level = np.full((n, 2), -1, dtype=np.int64)
         same = graph.points[graph.edges[:, 0]] == graph.points[graph.edges[:, 1]]
+        # a run is as slanted as any of its edges: short ones may stand level where coordinates have become one
+        slanted = np.bincount(graph.runs, ~same.any(axis=1))[graph.runs] > 0
         for axis in (0, 1):
-            rows = same[:, 1 - axis]
+            rows = same[:, 1 - axis] & ~slanted
             level[graph.edges[rows].ravel(), axis] = np.repeat(graph.runs[rows], 2)
-        rows = ~same.any(axis=1)
+        rows = slanted
         members = np.unique(np.column_stack([np.repeat(graph.runs[rows], 2), graph.edges[rows].ravel()]), axis=0)
         groups = np.split(members[:, 1], np.flatnonzero(np.diff(members[:, 0])) + 1) if len(members) else []
         keys = [(group[:, None] * n + group).ravel() for group in groups]
