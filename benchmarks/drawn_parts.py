@@ -1,8 +1,8 @@
 """Parts for the benchmarks of three views, made by chance: machined blocks, with slanted cuts, turned out of the axes.
 
-    upright   a block with slots, pockets and bosses along the axes
-    slanted   besides, corners and edges cut off by slanted planes
-    turned    a block with cuts, the whole turned about one axis or about two
+upright   a block with slots, pockets and bosses along the axes
+slanted   besides, corners and edges cut off by slanted planes
+turned    a block with cuts, the whole turned about one axis or about two
 """
 
 from collections.abc import Callable

@@ -39,7 +39,7 @@ class ViewGraph:
     edges       (m, 2) points; no two edges join the same points
     hidden      (m,) dashed
     runs        (m,) number of the run that an edge belongs to
-    sources     (m,) a segment of the drawing that the edge is part of
+    sources     (m,) the first segment of the drawing that the edge is part of, of those drawn through if there are any
     """
 
     projection: Projection
@@ -192,8 +192,9 @@ def _graph(
     # a line drawn through hides a dashed one beneath it
     hidden = np.bincount(slot, ~segments.hidden[owner], minlength=len(edges)) == 0
     source = np.zeros(len(edges), dtype=np.int64)
-    visible_last = np.argsort(~segments.hidden[owner], kind="stable")[::-1]
-    source[slot[visible_last]] = segments.source[owner[visible_last]]
+    # written last, and kept: the first segment that is drawn through, or else the first one
+    ranked = np.lexsort([segments.source[owner], segments.hidden[owner]])[::-1]
+    source[slot[ranked]] = segments.source[owner[ranked]]
     runs = _runs(positions, edges, (slot, owner), snap)
     return ViewGraph(projection, points, positions, edges, hidden, runs, source)
 
