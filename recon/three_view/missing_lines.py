@@ -40,11 +40,22 @@ def missing_lines(values: Sequence[Floats], graphs: Sequence[ViewGraph], lacking
     flat = at[:, view.projection.axes]
     gap = np.abs(flat[i] - flat[j])
     corner = cKDTree(view.positions).query(flat)[0] <= 2 * snap
-    # of slanted lines only those between points of the view: in a plane across the sight any two vertices are joined
-    likely = (gap > snap).any(axis=1) & ((gap <= snap).any(axis=1) | (corner[i] & corner[j]))
+    slanted = np.any([_meets_slanted(graph)[shown] for graph, shown in zip(others, points.T)], axis=0)
+    # In a plane across the sight any two vertices are joined. Of slanted lines those are likely that run between points
+    # of the view, or go on as slanted lines in another view.
+    likely = (gap <= snap).any(axis=1) | (corner[i] & corner[j]) | (slanted[i] & slanted[j])
+    likely &= (gap > snap).any(axis=1)
     pairs = np.column_stack([i, j])[likely]
     pairs = pairs[elementary(at, pairs, snap)] if len(pairs) else pairs
     return _each_once(flat[pairs])
+
+
+def _meets_slanted(graph: ViewGraph) -> Flags:
+    """Whether a slanted line ends in, or passes, each point of a view."""
+    way = graph.directions()
+    found = np.zeros(len(graph.points), dtype=bool)
+    found[graph.edges[(way != 0).all(axis=1)]] = True
+    return found
 
 
 def _each_once(segments: Floats) -> Floats:
