@@ -144,7 +144,8 @@ def interpret(
         doing("dividing space")
         arranged = arrange(drawing, snap, line_types=options.line_types)
         doing("choosing solid cells")
-        labelings = consistent_labelings(arranged.conditions, limit=options.limit, seconds=options.seconds)
+        walls = arranged.cells.of_side
+        labelings = consistent_labelings(arranged.conditions, walls, limit=options.limit, seconds=options.seconds)
         if labelings is not None:
             doing("ranking the solids")
             order = ranked(arranged.fragments, arranged.cells, labelings)
