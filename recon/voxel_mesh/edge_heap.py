@@ -1,8 +1,8 @@
 """A heap of edges by cost in which an edge's cost may change and an edge may leave: each edge knows its place.
 
-         0            heap[slot]   edge number           the children of slot s are 4 s + 1 ... 4 s + 4
-    1  2  3  4        slot[edge]   its place, -1 outside
-    ...               cost[edge]
+     0            heap[slot]   edge number           the children of slot s are 4 s + 1 ... 4 s + 4
+1  2  3  4        slot[edge]   its place, -1 outside
+...               cost[edge]
 """
 
 from typing import NamedTuple

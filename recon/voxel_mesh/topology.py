@@ -64,9 +64,7 @@ def _pairs(inside: Bools, axis: int) -> Bools:
 def _opposite_holes(inside: Bools) -> int:
     """Cells with six solid corners, the two empty ones opposite each other."""
     nx, ny, nz = inside.shape
-    corner = [
-        inside[x : nx - 1 + x, y : ny - 1 + y, z : nz - 1 + z] for z in (0, 1) for y in (0, 1) for x in (0, 1)
-    ]
+    corner = [inside[x : nx - 1 + x, y : ny - 1 + y, z : nz - 1 + z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
     solid_corners = sum(c.astype(np.int8) for c in corner)
     return sum(int(((solid_corners == 6) & ~corner[c] & ~corner[7 - c]).sum()) for c in range(4))
 
