@@ -1,9 +1,9 @@
 """Solids from the surfaces that bound them: all cells that the surfaces cut space into, and a vote which are solid.
 
-    |   :   |          surfaces reach across the whole box; the kernel finds the cells between them (general fuse);
-  --+---+---+--        a vote says of every cell whether it is solid; faces between a solid cell and an empty one stay,
-    | 1 | 1 |          faces of one surface are joined; last the blends, as kernel fillets: so no surface ever has to
-  --+---+---+--        be cut with one that it touches without crossing
+  |   :   |          surfaces reach across the whole box; the kernel finds the cells between them (general fuse);
+--+---+---+--        a vote says of every cell whether it is solid; faces between a solid cell and an empty one stay,
+  | 1 | 1 |          faces of one surface are joined; last the blends, as kernel fillets: so no surface ever has to
+--+---+---+--        be cut with one that it touches without crossing
 """
 
 from collections.abc import Callable, Sequence

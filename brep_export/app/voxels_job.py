@@ -11,24 +11,20 @@ from OCP.TopoDS import TopoDS_Compound, TopoDS_Shape
 
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.result import result, statistics
+from brep_export.app.voxel_bodies import FIT, FLAT, VoxelBody, analytic_body, faceted_body
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import BUILDER
-from brep_export.solids import mesh_solid, triangle_solid
-from recon.errors import BadOption, NotManifold
-from recon.geometry.mesh import TriangleMesh
+from recon.errors import BadOption
 from recon.geometry.voxel_grid import Volume, VoxelGrid, binary_grid, volume_labels
 from recon.readers.volumes import read_volume
 from recon.tolerance import Tolerance
-from recon.voxel_mesh.pipeline import VoxelBoundary, VoxelOptions, voxel_boundary
+from recon.voxel_mesh.pipeline import VoxelOptions
 from recon.voxel_mesh.topology import kept_bodies
 
 __all__ = ["voxels"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
-
-FLAT = 1e-3  # voxels: triangles this near to one plane become one face
-FIT = 0.05  # voxels: how far edges may lie from their faces
 
 
 def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
@@ -37,11 +33,14 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("read", "reading the volume"):
         volume = read_volume(request["inputs"][0], spacing=_spacing(request["spacing"]))
         grids = [_cleaned(grid, request, bench) for grid in _grids(volume, request)]
-    with bench.phase("reconstruct", "finding the boundary"):
-        found = [voxel_boundary(grid, options, doing=bench.doing) for grid in grids]
-    with bench.phase("brep", "building the solid"):
-        tolerance = Tolerance(merge=FLAT * grids[0].voxel, fit=FIT * grids[0].voxel)
-        shape = _together([_solid(boundary.mesh, tolerance, bench) for boundary in found])
+    if request["snap"] is not None and not request["analytic"]:
+        raise BadOption("--snap", "is for true faces; ask for them with --analytic")
+    if request["analytic"]:
+        solids = [analytic_body(grid, options, snap=request["snap"], bench=bench) for grid in grids]
+    else:
+        solids = [faceted_body(grid, options, bench=bench) for grid in grids]
+    tolerance = Tolerance(merge=FLAT * grids[0].voxel, fit=FIT * grids[0].voxel)
+    shape = _together([body.shape for body in solids])
     report = gate(shape, tolerance, ShapeKind.SOLID, bench)
     named = dict(request) | {"name": request["name"] or Path(request["inputs"][0]).name.split(".")[0]}
     report, written = write_files(shape, report, named, bench, paint=partial(_paint, report))
@@ -53,12 +52,12 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
         reasons=reasons,
         kernel=report.as_json(),
         error=statistics(
-            np.concatenate([boundary.errors * grid.voxel for boundary, grid in zip(found, grids)]),
+            np.concatenate([body.errors for body in solids]),
             unit="mm",
             against="the marching cubes surface of the grid, both ways",
         ),
         seconds=bench.seconds | {"total": bench.elapsed()},
-        room=_figures(grids, found),
+        room=_figures(grids, solids),
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
@@ -119,15 +118,6 @@ def _cleaned(grid: VoxelGrid, request: Mapping[str, Any], bench: Bench) -> Voxel
     return grid.with_solid(solid)
 
 
-def _solid(mesh: TriangleMesh, tolerance: Tolerance, bench: Bench) -> TopoDS_Shape:
-    """Kernel solid with one face a flat region; one a triangle where flats are too small to tell apart."""
-    try:
-        return mesh_solid(mesh, tolerance)
-    except NotManifold as problem:
-        bench.note(f"coplanar triangles were not merged ({problem})")
-        return triangle_solid(mesh)
-
-
 def _together(shapes: list[TopoDS_Shape]) -> TopoDS_Shape:
     if len(shapes) == 1:
         return shapes[0]
@@ -138,14 +128,15 @@ def _together(shapes: list[TopoDS_Shape]) -> TopoDS_Shape:
     return compound
 
 
-def _figures(grids: list[VoxelGrid], found: list[VoxelBoundary]) -> dict[str, Any]:
-    figures = found[0].figures()
-    if len(found) > 1:
+def _figures(grids: list[VoxelGrid], solids: list[VoxelBody]) -> dict[str, Any]:
+    """Sums over the labels where something is counted, the worst where something is measured."""
+    figures = dict(solids[0].figures)
+    for body in solids[1:]:
         for key in ("faces_marching_cubes", "faces", "bodies", "cavities", "genus"):
-            figures[key] = sum(boundary.figures()[key] for boundary in found)
+            figures[key] += body.figures[key]
         for key in ("max_error_voxels", "rms_error_voxels"):
-            figures[key] = max(boundary.figures()[key] for boundary in found)
-        figures["reduction"] = 1.0 - figures["faces"] / figures["faces_marching_cubes"]
+            figures[key] = max(figures[key], body.figures[key])
+    figures["reduction"] = 1.0 - figures["faces"] / figures["faces_marching_cubes"]
     return {
         "voxels": sum(int(grid.solid.sum()) for grid in grids),
         "shape": list(grids[0].solid.shape),

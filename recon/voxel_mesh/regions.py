@@ -141,14 +141,14 @@ def packed(surface: AnalyticSurface) -> tuple[int, Floats]:
 def _flood(seed: int, label: Ints, s: SmoothSurface, surface: AnalyticSurface) -> Ints:
     kind, numbers = packed(surface)
     return np.asarray(
-        _flooded(seed, label, s.middle, s.smooth, s.normal, s.start, s.neighbour, kind, numbers, np.cos(np.radians(TURN)))
+        _flooded(
+            seed, label, s.middle, s.smooth, s.normal, s.start, s.neighbour, kind, numbers, np.cos(np.radians(TURN))
+        )
     )
 
 
 @njit(cache=True)
-def _fits(
-    kind: int, q: Floats, x: Floats, y: Floats, n: Floats, cosine: float
-) -> bool:  # pragma: no cover - compiled
+def _fits(kind: int, q: Floats, x: Floats, y: Floats, n: Floats, cosine: float) -> bool:  # pragma: no cover - compiled
     """Whether a vertex, x raw, y smoothed, with normal n, keeps within the bounds of a surface; n may look either way."""
     if kind == 0:
         turn = q[0] * n[0] + q[1] * n[1] + q[2] * n[2]

@@ -62,6 +62,16 @@ def voxels(
     ] = Features.NONE,
     opening: Annotated[float, typer.Option(help="Radius in voxels of the opening for convex features.", min=0.0)] = 3.0,
     closing: Annotated[float, typer.Option(help="Radius in voxels of the closing for concave ones.", min=0.0)] = 2.0,
+    analytic: Annotated[
+        bool,
+        typer.Option("--analytic", help="Recognise planes, cylinders, cones, spheres and rounded edges as true faces."),
+    ] = False,
+    snap: Annotated[
+        float | None,
+        typer.Option(
+            help="With --analytic: take the roundest multiples of MM that the grid leaves open.", metavar="MM", min=1e-9
+        ),
+    ] = None,
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,
     picture: Picture = None,
