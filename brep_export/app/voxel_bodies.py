@@ -32,6 +32,7 @@ FLAT = 1e-3  # voxels: triangles this near to one plane become one face
 FIT = 0.05  # voxels: how far edges may lie from their faces
 DEFLECTION = 0.01  # voxels: of the triangles that are compared with the grid
 DEEPEST = 0.5  # voxels: a centre farther on the wrong side than this is a feature that was missed
+SAME = 0.03  # voxels: a grid made from triangles has its own centres on the wrong side of round faces by this much
 PROBES = 20_000
 
 
@@ -96,14 +97,14 @@ def _built(part: AnalyticPart) -> Built:
     wrong = wrong_side(part.grid, mesh)
     if wrong.deepest > DEEPEST:
         raise NoSolid(
-            f"the surfaces that were recognised miss something: {wrong.count} voxel centres lie on the wrong side, one"
+            f"the surfaces that were recognised miss something: {wrong.centres} voxel centres lie on the wrong side, one"
             f" {wrong.deepest:.1f} voxels deep"
         )
     return part, shape, mesh, wrong, len(refused)
 
 
 def _snapped(part: AnalyticPart, snap: float | None, bench: Bench) -> Built | None:
-    """The part at round values, where it gives the same voxels again."""
+    """The part at round values, where it gives the same voxels again, but for centres right on its surface."""
     if snap is None:
         return None
     try:
@@ -111,8 +112,8 @@ def _snapped(part: AnalyticPart, snap: float | None, bench: Bench) -> Built | No
     except NoSolid as problem:
         bench.note(f"not snapped: {problem}")
         return None
-    if built[3].count:
-        bench.note(f"not snapped: {built[3].count} voxels would change sides")
+    if built[3].deepest > SAME:
+        bench.note(f"not snapped: {built[3].centres} voxels would change sides, one by {built[3].deepest:.2f} voxels")
         return None
     return built
 
@@ -137,8 +138,8 @@ def _analytic(
     )
     if refused:
         bench.note(f"{refused} rounded edges were left sharp: the kernel could not round them")
-    if wrong.count:
-        bench.note(f"{wrong.count} voxel centres lie on the wrong side, the deepest {wrong.deepest:.2f} voxels")
+    if wrong.centres:
+        bench.note(f"{wrong.centres} voxel centres lie on the wrong side, the deepest {wrong.deepest:.2f} voxels")
     kinds = face_kinds(shape)
     figures = {
         "faces_marching_cubes": own.n_faces,
@@ -150,7 +151,7 @@ def _analytic(
         "features_kept": None,
         **grid_topology(grid.solid)._asdict(),
         "analytic": kinds | {"fallback_faces": 0},
-        "voxels_on_wrong_side": wrong.count,
+        "voxels_on_wrong_side": wrong.centres,
         "surfaces": _listed(part),
     }
     return VoxelBody(shape, errors, figures)

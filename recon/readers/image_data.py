@@ -15,8 +15,16 @@ from recon.readers.content import file_bytes
 __all__ = ["read_vti"]
 
 _TYPES = {
-    **{"Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4"},
-    **{"Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8"},
+    "Int8": "i1",
+    "UInt8": "u1",
+    "Int16": "i2",
+    "UInt16": "u2",
+    "Int32": "i4",
+    "UInt32": "u4",
+    "Int64": "i8",
+    "UInt64": "u8",
+    "Float32": "f4",
+    "Float64": "f8",
 }
 
 

@@ -1,4 +1,4 @@
-"""NRRD, MetaImage and NIfTI: a header that says type, size and place, and a block of numbers, the first axis fastest."""
+"""NRRD, MetaImage and NIfTI: a header that says type, size and place, then a block of numbers, first axis fastest."""
 
 import bz2
 import gzip
@@ -30,8 +30,16 @@ _NRRD_TYPES = {
     "double": "f8",
 }
 _META_TYPES = {
-    **{"MET_CHAR": "i1", "MET_UCHAR": "u1", "MET_SHORT": "i2", "MET_USHORT": "u2", "MET_INT": "i4", "MET_UINT": "u4"},
-    **{"MET_LONG_LONG": "i8", "MET_ULONG_LONG": "u8", "MET_FLOAT": "f4", "MET_DOUBLE": "f8"},
+    "MET_CHAR": "i1",
+    "MET_UCHAR": "u1",
+    "MET_SHORT": "i2",
+    "MET_USHORT": "u2",
+    "MET_INT": "i4",
+    "MET_UINT": "u4",
+    "MET_LONG_LONG": "i8",
+    "MET_ULONG_LONG": "u8",
+    "MET_FLOAT": "f4",
+    "MET_DOUBLE": "f8",
 }
 _NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8", 256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
 
@@ -117,8 +125,8 @@ def read_nifti(file: Path) -> Volume:
     pixdim = struct.unpack(order + "8f", data[76:108])
     start, slope, shift = struct.unpack(order + "3f", data[108:120])
     values = _shaped(data[int(start) :], order + kind, list(dims[1:4]), file)
-    if np.isfinite(slope) and slope not in (0.0, 1.0) or shift != 0.0:
-        values = values * (slope or 1.0) + shift
+    if (np.isfinite(slope) and slope not in (0.0, 1.0)) or shift != 0.0:
+        values = values.astype(np.float64) * (slope or 1.0) + shift
     axes, origin = _nifti_affine(data, order, pixdim)
     spacing = np.linalg.norm(axes, axis=0)
     return Volume(spacing, origin, axes / spacing, file.name, values)

@@ -58,7 +58,7 @@ def _read(reader: Callable[[Path], Volume], file: Path) -> Volume:
         raise
     except MemoryError:
         raise UnreadableFile(str(file), "claims to be larger than the memory") from None
-    except Exception as problem:  # noqa: BLE001 - a damaged file breaks its reader in more ways than can be listed
+    except Exception as problem:
         raise UnreadableFile(str(file), f"is damaged, or not what its name says ({problem})") from problem
 
 

@@ -1,7 +1,7 @@
 """From a binary grid to the surfaces of a CAD part: terraces off, regions, surfaces, intervals; all in model units."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ from recon.errors import NoSolid
 from recon.geometry.analytic import AnalyticSurface, Blend
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.voxel_mesh.marching_cubes import GridSurface, marching_cubes
-from recon.voxel_mesh.open_intervals import open_interval, snapped_blend, snapped_surface
-from recon.voxel_mesh.recognition import Recognised, recognised
+from recon.voxel_mesh.open_intervals import NEAR, moved_within, open_interval, open_radius, roundest, snapped_surface
+from recon.voxel_mesh.recognition import recognised
 from recon.voxel_mesh.regions import analytic_regions, smooth_surface
 from recon.voxel_mesh.terraces import without_terraces
 from recon.voxel_mesh.voting import Vote
@@ -27,6 +27,7 @@ class AnalyticPart:
     """Surfaces and blends of a part.
 
     intervals  for each surface, how far it may move along its normal without a voxel centre changing sides
+    ends       for each blend, the solid and the empty ends (n, 3) of the grid edges of its vertices
     box        lowest and highest corner of the part, with room around
     """
 
@@ -34,6 +35,7 @@ class AnalyticPart:
     surfaces: tuple[AnalyticSurface, ...]
     blends: tuple[Blend, ...]
     intervals: tuple[tuple[float, float], ...]
+    ends: tuple[tuple[Floats, Floats], ...]
     box: tuple[Floats, Floats]
 
     def vote(self) -> Vote:
@@ -49,8 +51,12 @@ class AnalyticPart:
         surfaces = tuple(
             snapped_surface(s, interval, step=step, voxel=voxel) for s, interval in zip(self.surfaces, self.intervals)
         )
-        blends = tuple(snapped_blend(b, step=step, voxel=voxel) for b in self.blends)
-        return AnalyticPart(self.grid, surfaces, blends, self.intervals, self.box)
+        blends = []
+        for blend, ends in zip(self.blends, self.ends):
+            low, high = open_radius(blend, surfaces, *ends)
+            radius = roundest(low - NEAR * voxel, high + NEAR * voxel, step)
+            blends.append(replace(blend, radius=0.5 * (low + high) if radius is None else radius))
+        return replace(self, surfaces=surfaces, blends=tuple(blends))
 
 
 def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text: None) -> AnalyticPart:
@@ -67,24 +73,29 @@ def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text
         raise NoSolid(f"nothing on {grid.name} is a plane, a cylinder, a sphere or a cone")
     found = recognised(smooth, regions)
     place = (grid.direction, grid.voxel, grid.origin)
+    solid, empty = _ends(surface, grid)
+    intervals = [open_interval(one, solid[m], empty[m]) for one, m in zip(found.surfaces, found.members)]
+    surfaces = [moved_within(one, interval) for one, interval in zip(found.surfaces, intervals)]
+    blends = []
+    for blend, members in zip(found.blends, found.blend_members):
+        low, high = open_radius(blend, surfaces, solid[members], empty[members])
+        blends.append(replace(blend, radius=0.5 * (low + high)).placed(*place))
+    left = [open_interval(one, solid[m], empty[m]) for one, m in zip(surfaces, found.members)]
     return AnalyticPart(
         grid,
-        tuple(s.placed(*place) for s in found.surfaces),
-        tuple(b.placed(*place) for b in found.blends),
-        _intervals(surface, grid, found),
+        tuple(s.placed(*place) for s in surfaces),
+        tuple(blends),
+        tuple((low * grid.voxel, high * grid.voxel) for low, high in left),
+        tuple((grid.place(solid[m]), grid.place(empty[m])) for m in found.blend_members),
         _box(surface, grid),
     )
 
 
-def _intervals(surface: GridSurface, grid: VoxelGrid, found: Recognised) -> tuple[tuple[float, float], ...]:
-    solid = surface.solid_voxels()
+def _ends(surface: GridSurface, grid: VoxelGrid) -> tuple[Floats, Floats]:
+    """Solid and empty end of every vertex's grid edge, in voxels."""
     step = np.eye(3, dtype=np.int64)[surface.edge_axis]
     empty = surface.edge_voxel + np.where(surface.solid_below[:, None], step, 0)
-    intervals = []
-    for one, members in zip(found.surfaces, found.members):
-        low, high = open_interval(one, solid[members] * grid.proportions, empty[members] * grid.proportions)
-        intervals.append((low * grid.voxel, high * grid.voxel))
-    return tuple(intervals)
+    return surface.solid_voxels() * grid.proportions, empty * grid.proportions
 
 
 def _box(surface: GridSurface, grid: VoxelGrid) -> tuple[Floats, Floats]:

@@ -33,7 +33,7 @@ class CellLookup(NamedTuple):
     low          (3,) index of the first cell of the first block
     block        (BX, BY, BZ) number of each block's table, -1 without
     first        (B, 8, 8, 8) first triangle of each cell, -1 without
-    count        (B, 8, 8, 8) triangles of each cell
+    counts       (B, 8, 8, 8) triangles of each cell
     """
 
     vertices: Floats
@@ -42,7 +42,7 @@ class CellLookup(NamedTuple):
     low: Ints
     block: NDArray[np.int32]
     first: NDArray[np.int32]
-    count: NDArray[np.int8]
+    counts: NDArray[np.int8]
 
 
 def cell_lookup(surface: GridSurface, proportions: Floats) -> CellLookup:
@@ -92,7 +92,7 @@ def distance_within(
                 dz = max(max(k * pz - z, z - (k + 1) * pz), 0.0)
                 if dx * dx + dy * dy + dz * dz >= best:
                     continue
-                first, count = _cell(look.low, look.block, look.first, look.count, i, j, k)
+                first, count = _cell(look.low, look.block, look.first, look.counts, i, j, k)
                 for t in range(first, first + count):
                     a, b, c = look.faces[t, 0], look.faces[t, 1], look.faces[t, 2]
                     best = min(best, point_triangle_squared(x, y, z, look.vertices, a, b, c))
@@ -118,8 +118,9 @@ def _cell(low, block, first, count, i, j, k):  # type: ignore[no-untyped-def]  #
 def point_triangle_squared(
     x: float, y: float, z: float, place: Floats, a: int, b: int, c: int
 ) -> float:  # pragma: no cover - compiled
-    """Squared distance from a point to the triangle of three rows of `place`: its regions are told apart by the signs of barycentric terms.
+    """Squared distance from a point to the triangle of three rows of `place`.
 
+    Its regions are told apart by the signs of barycentric terms.
     Paper  [ericson2005], 5.1.5.
     """
     ax, ay, az = place[a, 0], place[a, 1], place[a, 2]

@@ -40,7 +40,7 @@ THINNEST = 0.01  # least height of a triangle over its longest side, in voxels
 
 
 class CollapseMesh(NamedTuple):
-    """The mesh while edges collapse, see the module's key; quadric (V, 10), mark (V,) scratch, locked and feature (V,)."""
+    """The mesh while edges collapse, see the module's key; quadric (V, 10), locked, feature (V,)."""
 
     corner: NDArray[np.int32]
     twin: NDArray[np.int32]

@@ -1,7 +1,7 @@
 """What the grid leaves open of a surface's offset or radius, and the round value in it.
 
-    o o o|. . .       every grid edge of the surface's vertices runs from a solid centre to an empty one; the surface may
-    o o o|. . .       lie anywhere between the farthest solid centre and the nearest empty one
+    o o o|. . .       every grid edge of the surface's vertices runs from a solid centre to an empty one; the
+    o o o|. . .       surface may lie anywhere between the farthest solid centre and the nearest empty one
       farthest|nearest
 
 A round value is a prior that the grid does not hold, so it is taken only when asked for.
@@ -15,20 +15,19 @@ from numpy.typing import NDArray
 
 from recon.geometry.analytic import AnalyticSurface, Blend, Cylinder, Plane
 
-__all__ = ["open_interval", "snapped_blend", "snapped_surface"]
+__all__ = ["NEAR", "blend_cylinder", "moved_within", "open_interval", "open_radius", "roundest", "snapped_surface"]
 
 Floats = NDArray[np.float64]
 
 UPRIGHT = np.cos(np.radians(0.3))
 NEAR = 0.3  # voxels that an axis may move to a round place
-OPEN = 0.5  # voxels that the radius of a blend is open to either side
 
 
 def open_interval(surface: AnalyticSurface, solid_ends: Floats, empty_ends: Floats) -> tuple[float, float]:
     """How far the surface may move along its normal, from and to, without a centre changing sides.
 
     solid_ends, empty_ends  (n, 3) centres at the two ends of the grid edges of its vertices
-    Returns  (low, high) around or near 0; where the fit itself leaves no room, the span that it misses
+    Returns  (low, high), low <= high, around or near 0; where the fit itself leaves no room, the span that it misses
     """
     solid, empty = surface.distance(solid_ends), surface.distance(empty_ends)
     lower, upper = np.minimum(solid, empty), np.maximum(solid, empty)
@@ -44,7 +43,7 @@ def snapped_surface(
         normal = _upright(surface.normal_vector)
         if normal is None:
             return surface
-        value = _roundest(surface.offset + interval[0], surface.offset + interval[1], step)
+        value = roundest(surface.offset + interval[0], surface.offset + interval[1], step)
         return Plane(normal, surface.offset if value is None else value)
     if isinstance(surface, Cylinder):
         axis = _upright(surface.axis)
@@ -53,15 +52,58 @@ def snapped_surface(
         near = np.round(surface.point / step) * step
         point = np.where(np.abs(near - surface.point) <= NEAR * voxel, near, surface.point)
         point = np.where(np.abs(axis) > 0.5, surface.point, point)
-        value = _roundest(surface.radius + interval[0], surface.radius + interval[1], step)
+        # the interval holds for an axis that has moved since
+        value = roundest(surface.radius + interval[0] - NEAR * voxel, surface.radius + interval[1] + NEAR * voxel, step)
         return Cylinder(point, axis, surface.radius if value is None else value)
     return surface
 
 
-def snapped_blend(blend: Blend, *, step: float, voxel: float) -> Blend:
-    """Blend with the roundest radius within half a voxel."""
-    value = _roundest(blend.radius - OPEN * voxel, blend.radius + OPEN * voxel, step)
-    return blend if value is None or value <= 0 else replace(blend, radius=value)
+def moved_within(surface: AnalyticSurface, interval: tuple[float, float]) -> AnalyticSurface:
+    """The surface moved along its normal into its interval, as little as that takes; planes and cylinders only."""
+    low, high = interval
+    spare = min(0.1 * (high - low), 0.002)
+    move = min(max(0.0, low + spare), high - spare)
+    if isinstance(surface, Plane):
+        return replace(surface, offset=surface.offset + move)
+    if isinstance(surface, Cylinder) and abs(move) < 0.5 * surface.radius:
+        return replace(surface, radius=surface.radius + move)
+    return surface
+
+
+def blend_cylinder(
+    first: AnalyticSurface, second: AnalyticSurface, radius: float, *, side: float, near: Floats
+) -> Cylinder:
+    """The cylinder that touches two planes, its axis before (side 1) or behind (-1) both, its point beside `near`."""
+    assert isinstance(first, Plane) and isinstance(second, Plane)
+    axis = np.cross(first.normal_vector, second.normal_vector)
+    axis = axis / np.linalg.norm(axis)
+    system = np.stack([first.normal_vector, second.normal_vector, axis])
+    wanted = np.array([first.offset + side * radius, second.offset + side * radius, axis @ near])
+    return Cylinder(np.linalg.solve(system, wanted), axis, radius)
+
+
+def open_radius(
+    blend: Blend, surfaces: Sequence[AnalyticSurface], solid_ends: Floats, empty_ends: Floats
+) -> tuple[float, float]:
+    """Radii of a blend, from and to, with which the fewest ends of its vertices' grid edges lie on a wrong side."""
+    first, second = surfaces[blend.first], surfaces[blend.second]
+
+    def misses(radius: float, side: float) -> float:
+        round_one = blend_cylinder(first, second, radius, side=side, near=blend.middle)
+        over, under = -side * round_one.distance(solid_ends), -side * round_one.distance(empty_ends)
+        return float(np.maximum(over, 0.0).sum() - np.minimum(under, 0.0).sum())
+
+    side = min((-1.0, 1.0), key=lambda s: misses(blend.radius, s))
+    low, high = 0.6 * blend.radius, 1.7 * blend.radius
+    for _ in range(3):
+        radii = np.linspace(low, high, 81)
+        missed = np.array([misses(float(r), side) for r in radii])
+        best = np.flatnonzero(missed <= missed.min() + 1e-9)
+        step = radii[1] - radii[0]
+        low, high = float(radii[best[0]]) - step, float(radii[best[-1]]) + step
+        if len(best) > 40:
+            break
+    return low + step, high - step
 
 
 def _upright(direction: Floats) -> Floats | None:
@@ -74,7 +116,7 @@ def _upright(direction: Floats) -> Floats | None:
     return axis
 
 
-def _roundest(low: float, high: float, step: float) -> float | None:
+def roundest(low: float, high: float, step: float) -> float | None:
     """Of the multiples of a step from low to high the one with the most round multiplier, of those the most central."""
     first, last = int(np.ceil(low / step)), int(np.floor(high / step))
     choices: Sequence[int] = range(first, min(last, first + 100_000) + 1)

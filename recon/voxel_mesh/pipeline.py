@@ -59,7 +59,7 @@ class VoxelOptions:
     def goal(self, n_before: int) -> Goal:
         """When the collapse of a surface of so many faces stops."""
         n = self.n_faces if self.n_faces is not None else n_before * (1.0 - (self.reduction or 1.0))
-        return Goal(max(4, int(round(n))) if self.reduction is not None or self.n_faces else 4, self.tolerance)
+        return Goal(max(4, round(n)) if self.reduction is not None or self.n_faces else 4, self.tolerance)
 
 
 @dataclass(frozen=True, eq=False)

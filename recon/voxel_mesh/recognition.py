@@ -49,7 +49,7 @@ def recognised(s: SmoothSurface, regions: list[Region]) -> Recognised:
     """The distinct surfaces under the regions."""
     planes = [r for r in regions if isinstance(r.surface, Plane)]
     others = [r for r in regions if not isinstance(r.surface, Plane)]
-    directions = _directions([(r.surface.normal_vector, _scatter(s, r)) for r in planes])
+    directions = _directions([(_normal(r), _scatter(s, r)) for r in planes])
     flat = _distinct_planes(s, planes, directions)
     blends, round_ones = _blends(s, others, flat)
     round_ones = [_straightened(s, r, directions) for r in round_ones]
@@ -66,6 +66,11 @@ def recognised(s: SmoothSurface, regions: list[Region]) -> Recognised:
         tuple(b for b, _ in told),
         tuple(m for _, m in told),
     )
+
+
+def _normal(region: Region) -> Floats:
+    assert isinstance(region.surface, Plane)
+    return region.surface.normal_vector
 
 
 def _scatter(s: SmoothSurface, region: Region) -> Floats:
@@ -90,9 +95,8 @@ def _distinct_planes(s: SmoothSurface, planes: list[Region], directions: list[Fl
     """One region a plane: shared direction, own offset; regions whose offsets agree are one."""
     turned = []
     for region in planes:
-        assert isinstance(region.surface, Plane)
-        along = max(directions, key=lambda d: abs(d @ region.surface.normal_vector))
-        normal = along if along @ region.surface.normal_vector > 0 else -along
+        along = max(directions, key=lambda d: abs(d @ _normal(region)))
+        normal = along if along @ _normal(region) > 0 else -along
         turned.append((normal, float((s.middle[region.vertices] @ normal).mean()), region.vertices))
     found: list[Region] = []
     while turned:

@@ -149,7 +149,7 @@ def _flood(seed: int, label: Ints, s: SmoothSurface, surface: AnalyticSurface) -
 
 @njit(cache=True)
 def _fits(kind: int, q: Floats, x: Floats, y: Floats, n: Floats, cosine: float) -> bool:  # pragma: no cover - compiled
-    """Whether a vertex, x raw, y smoothed, with normal n, keeps within the bounds of a surface; n may look either way."""
+    """Whether a vertex, x raw, y smoothed, with normal n, keeps within the bounds of a surface; n may be inward."""
     if kind == 0:
         turn = q[0] * n[0] + q[1] * n[1] + q[2] * n[2]
         raw = q[0] * x[0] + q[1] * x[1] + q[2] * x[2] - q[3]

@@ -24,9 +24,9 @@ MOST = 5_000  # wrong centres whose depth is measured
 
 
 class WrongSide(NamedTuple):
-    """Centres on the wrong side of a mesh: their number, and how far in voxels the deepest lies from it."""
+    """Centres on the wrong side of a mesh: how many, and how far in voxels the deepest lies from it."""
 
-    count: int
+    centres: int
     deepest: float
 
 
