@@ -23,7 +23,8 @@ def nrrd(path, encoding):
     axes = " ".join("(" + ",".join(map(str, v)) + ")" for v in (TURN * SPACING).T.tolist())
     head = (
         "NRRD0004\n# written by hand\ntype: unsigned char\ndimension: 3\nsizes: 5 4 3\n"
-        f"space: left-posterior-superior\nspace directions: {axes}\nspace origin: (-3.0,10.0,0.25)\nencoding: {encoding}\n"
+        f"space: left-posterior-superior\nspace directions: {axes}\nspace origin: (-3.0,10.0,0.25)\n"
+        f"encoding: {encoding}\n"
     )
     body = {"raw": RAW, "gzip": gzip.compress(RAW), "ascii": " ".join(map(str, RAW)).encode()}[encoding]
     path.write_bytes(head.encode() + b"\n" + body)
