@@ -36,6 +36,7 @@ Bools = NDArray[np.bool_]
 
 RING = 512  # faces a ring may have; a vertex with more neighbours is left alone
 FLATTEST = 0.2  # cosine of the largest turn of a face's normal in one collapse
+FOLDED = -0.5  # cosine of the sharpest edge that a collapse may make: beyond it lie the folds that cut themselves
 THINNEST = 0.01  # least height of a triangle over its longest side, in voxels
 
 
@@ -222,9 +223,26 @@ def _keeps_shape(
             return False
         longest = max(ex * ex + ey * ey + ez * ez, qx * qx + qy * qy + qz * qz)
         longest = max(longest, (qx - ex) ** 2 + (qy - ey) ** 2 + (qz - ez) ** 2)
-        if new < THINNEST * THINNEST * longest:
+        if new < THINNEST * THINNEST * longest or _folds(m, h, p, nx, ny, nz):
             return False
     return True
+
+
+@njit(cache=True)
+def _folds(
+    m: CollapseMesh, h: int, p: Floats, nx: float, ny: float, nz: float
+) -> bool:  # pragma: no cover - compiled
+    """Whether a ring face, its new normal given, would lie back on the face across its outer edge."""
+    t = m.twin[_next(h)]
+    b, a, c = m.corner[t], m.corner[_next(t)], m.corner[_previous(t)]
+    o = m.corner[h]
+    ex, ey, ez = m.place[a, 0] - m.place[b, 0], m.place[a, 1] - m.place[b, 1], m.place[a, 2] - m.place[b, 2]
+    cx, cy, cz = m.place[c, 0] - m.place[b, 0], m.place[c, 1] - m.place[b, 1], m.place[c, 2] - m.place[b, 2]
+    if c == o:
+        cx, cy, cz = p[0] - m.place[b, 0], p[1] - m.place[b, 1], p[2] - m.place[b, 2]
+    ax, ay, az = ey * cz - ez * cy, ez * cx - ex * cz, ex * cy - ey * cx
+    turn = nx * ax + ny * ay + nz * az
+    return turn < FOLDED * np.sqrt((nx * nx + ny * ny + nz * nz) * (ax * ax + ay * ay + az * az))
 
 
 @njit(cache=True)
