@@ -11,11 +11,12 @@ from brep_export.app.commands.fit import fit
 from brep_export.app.commands.patch import patch
 from brep_export.app.commands.terrain import terrain
 from brep_export.app.commands.views import views
+from brep_export.app.commands.voxels import voxels
 from recon.version import __version__
 
 __all__ = ["app", "main"]
 
-COMMANDS = (patch, fit, curve, terrain, views, check, demo)
+COMMANDS = (patch, fit, curve, terrain, voxels, views, check, demo)
 
 app = typer.Typer(
     name="recon",
