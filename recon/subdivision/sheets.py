@@ -27,7 +27,7 @@ from recon.errors import NotManifold
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import edge_table, opposite_sides
 
-__all__ = ["Sheets", "VertexKind", "cut_along_creases"]
+__all__ = ["Refinement", "Sheets", "VertexKind", "cut_along_creases", "edge_numbers"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -53,6 +53,21 @@ class Sheets(NamedTuple):
     faces: Ints
     across: Ints
     kinds: Ints
+
+
+class Refinement(NamedTuple):
+    """The mesh after one step, and the matrix (W', W) that takes the old points to the new."""
+
+    sheets: Sheets
+    matrix: sparse.csr_array
+
+
+def edge_numbers(across: Ints) -> tuple[Ints, int]:
+    """(F, k) number of the edge under each side, the same for both sides of an inner edge, and how many there are."""
+    own = np.arange(across.size).reshape(across.shape)
+    representative = np.where(across < 0, own, np.minimum(own, across))
+    first, edge = np.unique(representative, return_inverse=True)
+    return edge.reshape(across.shape).astype(np.int64), len(first)
 
 
 def cut_along_creases(mesh: ControlMesh, n_corners: int) -> tuple[Sheets, Ints]:
@@ -120,5 +135,8 @@ def _kinds(mesh: ControlMesh, faces: Ints, sharp: NDArray[np.bool_]) -> Ints:
     )
     marked = np.zeros(mesh.n_vertices, dtype=bool)
     marked[mesh.corner_vertices] = True
+    if faces.shape[1] == 4:
+        # a border running smoothly through the only face of a vertex would leave the surface no tangent plane there
+        marked[np.bincount(faces.ravel(), minlength=mesh.n_vertices) == 1] = True
     kinds[marked & (n_sharp > 0)] = VertexKind.CORNER
     return kinds
