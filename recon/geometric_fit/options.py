@@ -9,6 +9,7 @@ from recon.errors import BadOption
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy
 from recon.geometric_fit.updates import Update
 from recon.geometry.control_mesh import ControlMesh
+from recon.subdivision.limit_surface import Scheme
 
 __all__ = ["FitOptions", "FittedSurface"]
 
@@ -19,16 +20,19 @@ Floats = NDArray[np.float64]
 class FitOptions:
     """What a user may choose.
 
+    scheme          whose surface is fitted
     control_points  at most so many; None: as many as the tolerance needs, or a twentieth of the points without one
     tolerance       length that no data point may be off by; None: no limit
     update          the rule by which control points move
     plain           all control points from the start, six rounds, no refinement and no reweighting
-    crease_angle    radians between two faces from which on an edge of the scan stays sharp; pi: nowhere
+    crease_angle    radians between two faces from which on an edge of the scan stays sharp; pi: nowhere, as always
+                    with Doo-Sabin's scheme, where a crease cannot end inside the surface
     close           fill the holes of the scan first
     robust          points far off count less, not more: for scans with outliers
     Raises  BadOption.
     """
 
+    scheme: Scheme = Scheme.LOOP
     control_points: int | None = None
     tolerance: float | None = None
     update: Update = Update.TANGENT
@@ -48,7 +52,8 @@ class FitOptions:
 class FittedSurface:
     """What was found.
 
-    mesh        the control mesh of the Loop surface
+    mesh        the control mesh of the surface
+    scheme      how it is read
     distances   (N,) of the scan's vertices from the surface, foot points exact
     errors      their norms in per cent of the diagonal
     diagonal    of the box around the scan
@@ -59,6 +64,7 @@ class FittedSurface:
     """
 
     mesh: ControlMesh
+    scheme: Scheme
     distances: Floats
     errors: Norms
     diagonal: float

@@ -8,6 +8,11 @@
         \\   /             \\ | /                                      \\   /          \\ | /
           d                 d                                          d              d
 
+    inset: a quadrilateral in a bad one      a---b          a-----b
+                                             |   |   -->    | m-n |
+                                             d---c          | p-o |   ...
+                                                            d-----c
+
 d_opt is 6 inside and 4 on the border. Neighbours stay whole, so the mesh conforms after every step. Creases are never
 flipped, and stay creases when split.
 
@@ -25,7 +30,7 @@ from numpy.typing import NDArray
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
 
-__all__ = ["flip_to_even_valences", "split_faces"]
+__all__ = ["flip_to_even_valences", "inset_faces", "split_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -79,6 +84,35 @@ def split_faces(mesh: ControlMesh, worst_first: Ints, n_new: int) -> ControlMesh
     )
     grown = _Sides(faces[: 3 * n_faces], across[: 3 * n_faces], sharp[: 3 * n_faces])
     return _mesh(vertices[:n_vertices], grown, mesh.corner_vertices)
+
+
+def inset_faces(mesh: ControlMesh, worst_first: Ints, n_new: int) -> ControlMesh:
+    """Put a smaller quadrilateral into each of the given ones, four points each, at most `n_new` points in all.
+
+    worst_first  (m,) faces; one that shares a corner with a worse one is passed over
+    Promises     the old vertices keep their numbers; neighbours stay whole.
+    """
+    faces = mesh.faces_of(4)
+    touched = np.zeros(mesh.n_vertices, dtype=np.bool_)
+    chosen: list[int] = []
+    for face in worst_first.tolist():
+        if len(chosen) == n_new // 4:
+            break
+        if not touched[faces[face]].any():
+            touched[faces[face]] = True
+            chosen.append(face)
+    outer = faces[np.array(chosen, dtype=np.int64)]
+    corners = mesh.vertices[outer]
+    inner_points = (2.0 * corners + corners.mean(axis=1, keepdims=True)) / 3.0
+    inner = mesh.n_vertices + np.arange(outer.size).reshape(outer.shape)
+    around = np.stack([outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1), inner], axis=2).reshape(-1, 4)
+    grown = np.concatenate([np.delete(faces, chosen, axis=0), inner, around])
+    return ControlMesh.from_faces(
+        np.concatenate([mesh.vertices, inner_points.reshape(-1, 3)]),
+        grown,
+        crease_edges=mesh.crease_edges,
+        corner_vertices=mesh.corner_vertices,
+    )
 
 
 @njit(cache=True)

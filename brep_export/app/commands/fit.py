@@ -30,6 +30,8 @@ class Surface(StrEnum):
     """Scheme of a fitted surface."""
 
     LOOP = "loop"
+    CATMULL_CLARK = "catmull-clark"
+    DOO_SABIN = "doo-sabin"
 
 
 class Update(StrEnum):
@@ -56,6 +58,14 @@ def fit(
     ] = None,
     update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
     plain: Annotated[bool, typer.Option(help="All control points at once, six rounds, no refinement.")] = False,
+    crease_angle: Annotated[
+        float,
+        typer.Option(help="Degrees between two faces from which on an edge stays sharp; 180: none.", min=1, max=180),
+    ] = 40.0,
+    close: Annotated[bool, typer.Option("--close", help="Fill the holes of the scan first.")] = False,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Points far off count less: for scans with outliers.")
+    ] = False,
     unit: UnitOfScans = None,
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,
