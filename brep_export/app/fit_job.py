@@ -49,6 +49,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
         tolerance=tolerance_length(request["tolerance"], file.mesh),
         update=Update(request["update"]),
         plain=request["plain"],
+        rounds=request["rounds"],
         crease_angle=np.radians(request["crease_angle"]),
         close=request["close"],
         robust=request["robust"],

@@ -257,9 +257,12 @@ def _walk(
             if not moved:
                 break
             at, best = new, distance
-            place[:], here[:] = to, there
+            # slices would do, but take seconds to compile
+            place[0], place[1] = to[0], to[1]
+            here, there = there, here
         patch[i], v[i], w[i] = at, place[0], place[1]
-        positions[i] = here[0]
+        for axis in range(3):
+            positions[i, axis] = here[0, axis]
         nx = here[1, 1] * here[2, 2] - here[1, 2] * here[2, 1]
         ny = here[1, 2] * here[2, 0] - here[1, 0] * here[2, 2]
         nz = here[1, 0] * here[2, 1] - here[1, 1] * here[2, 0]

@@ -24,7 +24,8 @@ class FitOptions:
     control_points  at most so many; None: as many as the tolerance needs, or a twentieth of the points without one
     tolerance       length that no data point may be off by; None: no limit
     update          the rule by which control points move
-    plain           all control points from the start, six rounds, no refinement and no reweighting
+    plain           all control points from the start, no refinement and no reweighting
+    rounds          on the last control mesh
     crease_angle    radians between two faces from which on an edge of the scan stays sharp; pi: nowhere, as always
                     with Doo-Sabin's scheme, where a crease cannot end inside the surface
     close           fill the holes of the scan first
@@ -37,6 +38,7 @@ class FitOptions:
     tolerance: float | None = None
     update: Update = Update.TANGENT
     plain: bool = False
+    rounds: int = 6
     crease_angle: float = np.radians(40.0)
     close: bool = False
     robust: bool = False
@@ -44,6 +46,8 @@ class FitOptions:
     def __post_init__(self) -> None:
         if self.control_points is not None and self.control_points < 4:
             raise BadOption("--control-points", f"a closed surface needs 4, not {self.control_points}")
+        if self.rounds < 1:
+            raise BadOption("--rounds", f"must be at least 1, not {self.rounds}")
         if self.tolerance is not None and not 0 < self.tolerance < np.inf:
             raise BadOption("--tolerance", f"must be a positive length, not {self.tolerance}")
 

@@ -45,7 +45,7 @@ Ints = NDArray[np.int64]
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
 MANY_CREASES, EDGED_SHARE = 0.05, 0.35  # creases a face corner from where on it starts with so much of that
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
-CYCLES, ROUNDS, LAST_ROUNDS = 4, 4, 6  # refinements, rounds before each, rounds after the last
+CYCLES, ROUNDS = 4, 4  # refinements, rounds before each
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
 FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the data's
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
@@ -107,7 +107,7 @@ class _Fit:
         stopped, cycle, last = None, 0, None
         while stopped is None:
             final = self._options.plain or mesh.n_vertices >= self._full()
-            n_rounds = LAST_ROUNDS if final else ROUNDS
+            n_rounds = self._options.rounds if final else ROUNDS
             mesh, patches, feet = self._settled(mesh, cycle, n_rounds)
             errors = norms(self._distances(feet), self._scan.diagonal)
             stopped = self._end(errors, last, final)

@@ -15,7 +15,6 @@ Paper  [petersen1891], the pairing exists; [edmonds1965], paths, trees and flowe
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from recon.geometric_fit.initial_mesh import NoControlMesh
@@ -97,75 +96,91 @@ def _badness(corners: Floats) -> Floats:
     return np.where(facing > 0, cosine, 2.0).max(axis=1) + BENT * (1.0 - bend)
 
 
-@njit(cache=True)
 def _augment(neighbours: Ints, mate: Ints) -> None:
     """Edmonds' search from every face without a mate: along a path of exchanges to another one, `mate` in place."""
-    n = len(mate)
-    parent, base = np.full(n, -1), np.arange(n)
-    used, blossom = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-    queue, seen = np.empty(n, dtype=np.int64), np.zeros(n, dtype=np.bool_)
-    for root in range(n):
-        if mate[root] >= 0:
-            continue
-        parent[:], used[:], base[:] = -1, False, np.arange(n)
-        used[root], queue[0] = True, root
-        head, tail, end = 0, 1, -1
-        while head < tail and end < 0:
-            v = queue[head]
-            head += 1
-            for to in neighbours[v]:
-                if to < 0 or base[v] == base[to] or mate[v] == to:
+    around = [[face for face in row if face >= 0] for row in neighbours.tolist()]
+    mates = mate.tolist()
+    for root in np.flatnonzero(mate < 0).tolist():
+        if mates[root] < 0:
+            _Search(around, mates, root).run()
+    mate[:] = mates
+
+
+class _Search:
+    """One search: a tree of exchanges that grows from a root; odd rings in it, the flowers, count as one face.
+
+    parent  the face before, for faces that an exchange reaches
+    base    where the flower of a face hangs on the tree
+    """
+
+    def __init__(self, around: list[list[int]], mates: list[int], root: int) -> None:
+        self._around, self._mates, self._root = around, mates, root
+        self._parent: dict[int, int] = {}
+        self._base: dict[int, int] = {}
+        self._queue, self._used = [root], {root}
+
+    def run(self) -> None:
+        """Exchange along the first path found; nothing changes where there is none."""
+        end = self._end()
+        while end is not None:
+            before = self._parent[end]
+            following = self._mates[before]
+            self._mates[end], self._mates[before] = before, end
+            end = following if following >= 0 else None
+
+    def _end(self) -> int | None:
+        mates, parent = self._mates, self._parent
+        for face in self._queue:
+            for to in self._around[face]:
+                if self._based(face) == self._based(to) or mates[face] == to:
                     continue
-                if to == root or (mate[to] >= 0 and parent[mate[to]] >= 0):
-                    stem = _common_base(v, to, mate, base, parent, seen)
-                    blossom[:] = False
-                    _mark_path(v, stem, to, mate, base, parent, blossom)
-                    _mark_path(to, stem, v, mate, base, parent, blossom)
-                    for i in range(n):
-                        if blossom[base[i]]:
-                            base[i] = stem
-                            if not used[i]:
-                                used[i], queue[tail] = True, i
-                                tail += 1
-                elif parent[to] < 0:
-                    parent[to] = v
-                    if mate[to] < 0:
-                        end = to
-                        break
-                    used[mate[to]], queue[tail] = True, mate[to]
-                    tail += 1
-        while end >= 0:
-            before = parent[end]
-            following = mate[before]
-            mate[end], mate[before] = before, end
-            end = following
+                if to == self._root or (mates[to] >= 0 and mates[to] in parent):
+                    self._close_flower(face, to)
+                elif to not in parent:
+                    parent[to] = face
+                    if mates[to] < 0:
+                        return to
+                    self._reach(mates[to])
+        return None
 
+    def _based(self, face: int) -> int:
+        return self._base.get(face, face)
 
-@njit(cache=True)
-def _common_base(a: int, b: int, mate: Ints, base: Ints, parent: Ints, seen: NDArray[np.bool_]) -> int:
-    """Where the paths of two faces back to the root first meet."""
-    seen[:] = False
-    while True:
-        a = base[a]
-        seen[a] = True
-        if mate[a] < 0:
-            break
-        a = parent[mate[a]]
-    while True:
-        b = base[b]
-        if seen[b]:
-            return b
-        b = parent[mate[b]]
+    def _reach(self, face: int) -> None:
+        if face not in self._used:
+            self._used.add(face)
+            self._queue.append(face)
 
+    def _close_flower(self, one: int, two: int) -> None:
+        stem = self._meeting(one, two)
+        petals: set[int] = set()
+        self._mark(one, stem, two, petals)
+        self._mark(two, stem, one, petals)
+        for face in [*self._parent, *self._used]:
+            if self._based(face) in petals:
+                self._base[face] = stem
+                self._reach(face)
 
-@njit(cache=True)
-def _mark_path(v: int, stem: int, child: int, mate: Ints, base: Ints, parent: Ints, blossom: NDArray[np.bool_]) -> None:
-    """Mark the bases from v down to the stem of a flower, and let its paths run both ways."""
-    while base[v] != stem:
-        blossom[base[v]] = blossom[base[mate[v]]] = True
-        parent[v] = child
-        child = mate[v]
-        v = parent[mate[v]]
+    def _meeting(self, one: int, two: int) -> int:
+        """Where the paths of two faces back to the root first meet."""
+        seen = set()
+        while True:
+            one = self._based(one)
+            seen.add(one)
+            if self._mates[one] < 0:
+                break
+            one = self._parent[self._mates[one]]
+        while (two := self._based(two)) not in seen:
+            two = self._parent[self._mates[two]]
+        return two
+
+    def _mark(self, face: int, stem: int, child: int, petals: set[int]) -> None:
+        """Mark the bases from a face down to the stem of its flower, and let its paths run both ways."""
+        while self._based(face) != stem:
+            petals |= {self._based(face), self._based(self._mates[face])}
+            self._parent[face] = child
+            child = self._mates[face]
+            face = self._parent[child]
 
 
 def _without_doublets(mesh: ControlMesh, quads: Ints) -> ControlMesh:

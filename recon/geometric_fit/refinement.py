@@ -78,10 +78,13 @@ def split_faces(mesh: ControlMesh, worst_first: Ints, n_new: int) -> ControlMesh
     Promises     the old vertices keep their numbers; the new ones follow, on the edge masks of Loop's scheme.
     """
     sides = _sides(mesh)
-    room = mesh.n_vertices + n_new
-    faces, across, sharp, vertices, n_faces, n_vertices = _split_all(
-        sides.faces, sides.across, sides.sharp, mesh.vertices, worst_first, n_new, room
-    )
+    more, room = 6 * n_new, mesh.n_vertices + n_new
+    faces, across = (np.concatenate([part, np.full(more, -1)]) for part in (sides.faces, sides.across))
+    sharp = np.concatenate([sides.sharp, np.zeros(more, dtype=np.bool_)])
+    vertices = np.concatenate([mesh.vertices, np.empty((n_new, 3))])
+    touched = np.zeros(len(faces) // 3, dtype=np.bool_)
+    counts = _split_all(faces, across, sharp, vertices, worst_first, touched, (mesh.n_faces, mesh.n_vertices, room))
+    n_faces, n_vertices = counts
     grown = _Sides(faces[: 3 * n_faces], across[: 3 * n_faces], sharp[: 3 * n_faces])
     return _mesh(vertices[:n_vertices], grown, mesh.corner_vertices)
 
@@ -263,16 +266,16 @@ def _longest_side(faces: Ints, x: Floats, face: int) -> int:
 
 @njit(cache=True)
 def _split_all(
-    old_faces: Ints, old_across: Ints, old_sharp: Bools, old_x: Floats, worst_first: Ints, n_new: int, room: int
-) -> tuple[Ints, Ints, Bools, Floats, int, int]:
-    n_old = len(old_faces)
-    size = n_old + 6 * n_new
-    faces, across, sharp = np.full(size, -1), np.full(size, -1), np.zeros(size, dtype=np.bool_)
-    faces[:n_old], across[:n_old], sharp[:n_old] = old_faces, old_across, old_sharp
-    x = np.empty((room, 3))
-    x[: len(old_x)] = old_x
-    touched = np.zeros(size // 3, dtype=np.bool_)
-    n_faces, n_vertices = n_old // 3, len(old_x)
+    faces: Ints,
+    across: Ints,
+    sharp: Bools,
+    x: Floats,
+    worst_first: Ints,
+    touched: Bools,
+    counts: tuple[int, int, int],
+) -> tuple[int, int]:
+    """Split in place, in arrays with room; counts are faces, vertices, and the most vertices there may be."""
+    n_faces, n_vertices, room = counts
     for face in worst_first:
         if n_vertices == room:
             break
@@ -287,7 +290,7 @@ def _split_all(
             touched[other // 3] = True
         n_faces = _split(faces, across, sharp, x, side, n_faces, n_vertices)
         n_vertices += 1
-    return faces, across, sharp, x, n_faces, n_vertices
+    return n_faces, n_vertices
 
 
 @njit(cache=True)

@@ -57,7 +57,8 @@ def fit(
         str | None, typer.Option(help="Largest error: a length, or a share of the diagonal as 0.1%.")
     ] = None,
     update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
-    plain: Annotated[bool, typer.Option(help="All control points at once, six rounds, no refinement.")] = False,
+    plain: Annotated[bool, typer.Option(help="All control points at once, no refinement.")] = False,
+    rounds: Annotated[int, typer.Option(help="Rounds on the last control mesh.", min=1)] = 6,
     crease_angle: Annotated[
         float,
         typer.Option(help="Degrees between two faces from which on an edge stays sharp; 180: none.", min=1, max=180),
