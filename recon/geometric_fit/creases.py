@@ -22,7 +22,7 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import edge_table
 
-__all__ = ["with_creases"]
+__all__ = ["n_loose_ends", "with_creases"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,6 +54,11 @@ def with_creases(mesh: ControlMesh, scan: TriangleMesh, angle: float) -> Control
     creases = _chains(edges[found], mesh.vertices, len(table.edges))
     corners = _corners(mesh.vertices, np.concatenate([creases, table.edges[table.uses == 1]]))
     return ControlMesh(mesh.vertices, mesh.face_corners, mesh.face_starts, creases, corners)
+
+
+def n_loose_ends(mesh: ControlMesh) -> int:
+    """How many vertices one crease alone leads to: many where the creases are ragged."""
+    return int((np.bincount(mesh.crease_edges.ravel()) == 1).sum())
 
 
 def _unit(vectors: Floats) -> Floats:

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 HALVINGS = 3  # of a step that folds the surface
-ALONE, TOGETHER, UNFOLDING = 8, 8, 0.25  # steps that take folds out, and how far toward the mean each goes
+UNFOLDINGS, UNFOLDING = 24, 0.25  # steps that take folds out, and how far toward the mean each goes
 
 
 class Step(NamedTuple):
@@ -54,17 +54,17 @@ def stepped(guards: Guards, old: Floats, new: Floats) -> Step:
 def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
     """The mesh with control points of faces that fold drawn toward their neighbours' mean; how many still fold.
 
-    First they alone, a little a step; where that does not help, all around them too.
+    Where no way leads out of all folds, the state with the fewest is kept.
     """
     points = mesh.vertices
     folded = guards.folded(points)
-    if not folded.any():
-        return mesh, 0
+    best, fewest = points, int(folded.sum())
     means = neighbour_means(mesh)
-    for number in range(ALONE + TOGETHER):
-        moved = folded if number < ALONE else guards.widened(folded)
-        points = np.where(moved[:, None], points + UNFOLDING * (means @ points - points), points)
-        folded = guards.folded(points)
+    for _ in range(UNFOLDINGS):
         if not folded.any():
             break
-    return mesh.with_vertices(points), int(folded.sum())
+        points = np.where(folded[:, None], points + UNFOLDING * (means @ points - points), points)
+        folded = guards.folded(points)
+        if folded.sum() < fewest:
+            best, fewest = points, int(folded.sum())
+    return mesh.with_vertices(best), fewest

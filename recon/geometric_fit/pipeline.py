@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from recon.errors import NoSurface, NotManifold
 from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
-from recon.geometric_fit.creases import with_creases
+from recon.geometric_fit.creases import n_loose_ends, with_creases
 from recon.geometric_fit.folding import stepped, unfolded
 from recon.geometric_fit.foot_points import EXACT, Feet, joined, nearest_feet, walk_feet
 from recon.geometric_fit.guards import Guards, Strays, fairness
@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
-MANY_CREASES, EDGED_SHARE = 0.05, 0.35  # creases a face corner from where on it starts with so much of that
+RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
 CYCLES, ROUNDS = 4, 4  # refinements, rounds before each
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
@@ -127,9 +127,10 @@ class _Fit:
         scan = self._scan.mesh
         angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
         mesh = with_creases(initial_mesh(scan, count), scan, angle)
-        if len(mesh.crease_edges) > MANY_CREASES * len(mesh.face_corners) and not self._options.plain:
-            # of a sharp shape the simplifier keeps what is ragged at its edges, if it may; points come later
-            mesh = with_creases(initial_mesh(scan, max(int(EDGED_SHARE * count), 4)), scan, angle)
+        while n_loose_ends(mesh) > RAGGED * len(mesh.crease_edges) and count > 100 and not self._options.plain:
+            # the simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later
+            count = int(COARSER * count)
+            mesh = with_creases(initial_mesh(scan, count), scan, angle)
         return flip_to_even_valences(mesh)
 
     def _fitted_triangles(self, count: int) -> ControlMesh:
@@ -252,7 +253,14 @@ class _Fit:
         worst = self._worst_faces(mesh, feet, n_new)
         if self._options.scheme is not Scheme.LOOP:
             return inset_faces(mesh, worst, n_new)
-        return flip_to_even_valences(split_faces(mesh, worst, n_new))
+        split = split_faces(mesh, worst, n_new)
+        flipped = flip_to_even_valences(split)
+        # flips even the valences out, but may fold a surface that was smooth before
+        folds = [int(self._guards(each).folded(each.vertices).sum()) for each in (flipped, split)]
+        return flipped if folds[0] <= folds[1] else split
+
+    def _guards(self, mesh: ControlMesh) -> Guards:
+        return Guards(mesh, limit_patches(mesh, self._options.scheme), self._scan)
 
     def _worst_faces(self, mesh: ControlMesh, feet: Feet, n_new: int) -> Ints:
         distance = self._distances(feet)
@@ -266,7 +274,7 @@ class _Fit:
 
     def _finished(self, mesh: ControlMesh, patches: LimitPatches, feet: Feet, stopped: StoppedBy) -> FittedSurface:
         scan = self._scan
-        mesh, folds = unfolded(mesh, Guards(mesh, patches, scan))
+        folds = int(Guards(mesh, patches, scan).folded(mesh.vertices).sum())
         measured = scan.points[: scan.n_measured]
         points = patches.points @ mesh.vertices
         n = scan.n_measured
