@@ -10,9 +10,12 @@
       '-------o-------'
             spoke 0                 theta: 2 pi / n around a vertex, pi / n at a border, and at a corner the angle
 
-The other poles are the constrained least-squares fit to points of the limit surface; a few rounds replace each point by
-its projection on the surface's normal, so that the patches lie on the surface and not on its parametrisation. The
-matrices depend on the kind of vertex and the number of its faces alone: one table each, kept.
+The other poles are the constrained least-squares fit to points of the limit surface. Its matrices depend on the kind of
+vertex and the number of its faces alone: one table each, kept. The fit follows the surface's parametrisation, which
+no patch can; so rounds of Gauss-Newton steps then lower the distance along the surface's normals alone, by moves that
+leave the conditions as they are (columns of `ways`), with a little damping of moves along the surface:
+
+    sum of (n_s . (S_s - L_s))^2 + DAMPING^2 |moves|^2,   L_s the foot of sample s, n_s the normal there
 
 K  quads around the vertex · poles are numbered 36 i + 6 a + b, equal ones once · samples (SAMPLES^2) a patch
 
@@ -36,7 +39,10 @@ Ints = NDArray[np.int64]
 
 DEGREE = 5
 SAMPLES = 8
-ROUNDS = 4
+ROUNDS = 3
+STEPS = 2  # toward the feet of the samples, a round
+DAMPING = 0.03
+AT_ONCE = 48  # vertices, which bounds the memory
 ANGLE_STEPS = 24  # a corner's angle is rounded to so many parts of a half turn
 CURVES = 6.0  # weight of samples on the spokes
 
@@ -46,6 +52,7 @@ class CapTable(NamedTuple):
 
     from_known    (U, K') unknown poles over the given ones
     from_samples  (U, S) and over the samples
+    ways          (U, q) moves of the unknown poles that no condition feels
     spread        (36 K, U + K') all poles over the unknown and then the given ones
     known         (K',) a pole 36 i + 6 a + b for each given one
     basis         (S, 36 K) samples over all poles
@@ -53,6 +60,7 @@ class CapTable(NamedTuple):
 
     from_known: Floats
     from_samples: Floats
+    ways: Floats
     spread: Floats
     known: Ints
     basis: Floats
@@ -118,16 +126,16 @@ def cap_table(kind: VertexKind, n: int, angle: int) -> CapTable:
     for i in range(n):
         basis[i * len(u) : (i + 1) * len(u), 36 * i : 36 * i + 36] = one
     weights = np.tile(np.where(u * v == 0.0, np.sqrt(CURVES), 1.0), n)
-    from_known, from_samples = _solved(constraints, weights[:, None] * (basis @ all_poles), is_known)
+    from_known, from_samples, ways = _solved(constraints, weights[:, None] * (basis @ all_poles), is_known)
     unknown, known = np.flatnonzero(~is_known), np.flatnonzero(is_known)
     first = np.full(size, 36 * n)
     np.minimum.at(first, numbers[given.ravel()], np.flatnonzero(given.ravel()))
     spread = all_poles[:, np.concatenate([unknown, known])]
-    return CapTable(from_known, from_samples * weights, spread, first[known], basis)
+    return CapTable(from_known, from_samples * weights, ways, spread, first[known], basis)
 
 
-def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Least squares under constraints, as matrices on the given poles and on the (weighted) samples."""
+def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
+    """Least squares under constraints, as matrices on the given poles and on the (weighted) samples; the free moves."""
     a_free, a_given = constraints[:, ~is_known], constraints[:, is_known]
     s_free, s_given = samples[:, ~is_known], samples[:, is_known]
     n_free = a_free.shape[1]
@@ -139,7 +147,7 @@ def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -
     else:
         ways, particular = np.eye(n_free), np.zeros((n_free, a_given.shape[1]))
     fit = ways @ np.linalg.pinv(s_free @ ways, rcond=1e-12)
-    return particular - fit @ (s_given + s_free @ particular), fit
+    return particular - fit @ (s_given + s_free @ particular), fit, ways
 
 
 def _spoke_rows(n: int, i: int, theta: float, numbers: Ints, size: int) -> Floats:
@@ -217,9 +225,11 @@ def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, i
     nets, off = np.empty((len(irregular), 6, 6, 3)), np.zeros(len(irregular))
     for (kind, n, angle), clusters in groups.items():
         rows = np.array(clusters)
-        nets[rows.ravel()], off[rows.ravel()] = _solved_fans(
-            cap_table(kind, n, angle), outer[rows], (arrays, points, irregular[rows])
-        )
+        for first in range(0, len(rows), AT_ONCE):
+            some = rows[first : first + AT_ONCE]
+            nets[some.ravel()], off[some.ravel()] = _solved_fans(
+                cap_table(kind, n, angle), outer[some], (arrays, points, irregular[some])
+            )
     return Caps(irregular, nets, off)
 
 
@@ -263,20 +273,36 @@ def _solved_fans(table: CapTable, outer: Floats, surface: tuple[PatchArrays, Flo
     patch = np.repeat(faces.ravel(), len(u))
     place = np.tile(u, m * n), np.tile(v, m * n)
     limit = points_at(arrays, points, patch, *place, 3).reshape(m, n * len(u), 3, 3)
-    target = limit[:, :, 0]
-    for _ in range(ROUNDS):
-        free = np.einsum("uk,mkx->mux", table.from_known, known) + np.einsum("us,msx->mux", table.from_samples, target)
-        poles = np.einsum("pa,max->mpx", table.spread, np.concatenate([free, known], axis=1))
-        drawn = np.einsum("sp,mpx->msx", table.basis, poles)
-        target, place, limit = _projected(arrays, points, patch, place, limit, drawn)
-    distance = np.linalg.norm(target - drawn, axis=2).reshape(m * n, len(u)).max(axis=1)
-    return poles.reshape(m * n, 6, 6, 3), distance
+    free = table.from_known @ known + table.from_samples @ limit[:, :, 0]
+    poles = table.spread @ np.concatenate([free, known], axis=1)
+    ways = table.spread[:, : len(table.ways)] @ table.ways
+    reach = table.basis @ ways
+    for turn in range(ROUNDS + 1):
+        drawn = table.basis @ poles
+        for _ in range(STEPS):
+            place, limit = _nearer(arrays, points, patch, place, limit, drawn)
+        normal = np.cross(limit[:, :, 1], limit[:, :, 2])
+        length = np.linalg.norm(normal, axis=2, keepdims=True)
+        normal /= np.where(length > 0.0, length, 1.0)
+        off = np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal)
+        if turn < ROUNDS:
+            poles = poles + ways @ _moves(reach, normal, off)
+    return poles.reshape(m * n, 6, 6, 3), np.abs(off).reshape(m * n, len(u)).max(axis=1)
 
 
-def _projected(
+def _moves(reach: Floats, normal: Floats, off: Floats) -> Floats:
+    """(M, q, 3) moves that bring the samples nearer along the normals, a Gauss-Newton step for each vertex."""
+    m, q = len(normal), reach.shape[1]
+    rows = (reach[:, :, None] * normal[:, :, None, :]).reshape(m, len(reach), 3 * q)
+    square = rows.transpose(0, 2, 1) @ rows
+    square += DAMPING**2 * np.kron(reach.T @ reach, np.eye(3))
+    return np.linalg.solve(square, rows.transpose(0, 2, 1) @ off[:, :, None]).reshape(m, q, 3)
+
+
+def _nearer(
     arrays: PatchArrays, points: Floats, patch: Ints, place: tuple[Floats, Floats], limit: Floats, drawn: Floats
-) -> tuple[Floats, tuple[Floats, Floats], Floats]:
-    """The points of the limit surface's tangent planes under the drawn ones; the places nearer to their feet."""
+) -> tuple[tuple[Floats, Floats], Floats]:
+    """Places one step nearer to the feet of the drawn points, and the limit surface there; the vertex stays."""
     flat = limit.reshape(-1, 3, 3)
     away = drawn.reshape(-1, 3) - flat[:, 0]
     a, b = flat[:, 1], flat[:, 2]
@@ -287,13 +313,7 @@ def _projected(
     step = np.stack([(bb * ga - ab * gb) / safe, (aa * gb - ab * ga) / safe])
     size = np.abs(step).max(axis=0)
     step *= np.where(size > 0.2, 0.2 / np.where(size > 0, size, 1.0), 1.0)
-    moving = (place[0] > 0) | (place[1] > 0)  # the vertex itself stays
+    moving = (place[0] > 0) | (place[1] > 0)
     u = np.clip(place[0] + moving * step[0], 0.0, 1.0)
     v = np.clip(place[1] + moving * step[1], 0.0, 1.0)
-    at = points_at(arrays, points, patch, u, v, 3)
-    normal = np.cross(at[:, 1], at[:, 2])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = normal / np.where(length > 0, length, 1.0)
-    off = np.einsum("kx,kx->k", at[:, 0] - drawn.reshape(-1, 3), normal)
-    target = drawn + (off[:, None] * normal).reshape(drawn.shape)
-    return target, (u, v), at.reshape(limit.shape)
+    return (u, v), points_at(arrays, points, patch, u, v, 3).reshape(limit.shape)
