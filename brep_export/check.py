@@ -21,6 +21,7 @@ from math import degrees, dist
 
 import numpy as np
 from numpy.typing import NDArray
+from OCP.BRep import BRep_Tool
 from OCP.BRepCheck import BRepCheck_Status
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.TopAbs import TopAbs_State
@@ -162,7 +163,8 @@ def check(
 ) -> CheckReport:
     """Draw every line of the gate that applies; never raises on a bad shape, and never changes it.
 
-    expect      SOLID: one or several solids and nothing else; SHELL, FACE: one, open or closed; COMPOUND: any mixture
+    expect      SOLID: one or several solids and nothing else; SHELL, FACE, EDGE: one, open or closed; COMPOUND: any
+                mixture with faces
     deflection  length, how far triangles may stay from the faces; a thousandth of the diagonal when None
     """
     if shape.IsNull():
@@ -176,6 +178,8 @@ def check(
 
 def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, deflection: float | None) -> CheckReport:
     uses = edge_uses(shape)
+    if not uses.faces and expect is ShapeKind.EDGE:
+        return _drawn_edge(shape, tolerance)
     if not uses.faces:
         return CheckReport(expect, None, (Defect("no-face", "the shape has no faces"),))
     measures = measure(shape)
@@ -205,6 +209,19 @@ def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, defl
         triangulation=triangles.mesh,
         free_edges=tuple(tuple(edge_polyline(edge)) for edge in free),
     )
+
+
+def _drawn_edge(shape: TopoDS_Shape, tolerance: Tolerance) -> CheckReport:
+    """What applies to a curve alone: the kernel's check and the tolerances."""
+    measures = measure(shape)
+    if measures.kind is not ShapeKind.EDGE:
+        return CheckReport(ShapeKind.EDGE, measures, (Defect("not-an-edge", "the shape is not one edge"),))
+    valid, invalid = kernel_defects(shape)
+    widest = max_tolerance(shape)
+    wide = Defect("tolerance", "a tolerance above the one asked for", None, widest, tolerance.fit)
+    defects = invalid + ([wide] if widest > tolerance.fit else [])
+    closed = bool(BRep_Tool.IsClosed_s(shape))
+    return CheckReport(ShapeKind.EDGE, measures, tuple(defects), valid=valid, closed=closed, max_tolerance=widest)
 
 
 def _kind_defects(uses: EdgeUses, expect: ShapeKind) -> list[Defect]:

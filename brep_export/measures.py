@@ -140,7 +140,7 @@ def _kernel_cone(face: TopoDS_Face, apex: Point, relative_error: float) -> float
 
 
 def kind_of(shape: TopoDS_Shape) -> ShapeKind:
-    """What a shape is by its contents: one solid, one shell or one face, whatever it is wrapped in; else a compound."""
+    """What a shape is by its contents: one solid, shell, face or edge, whatever it is wrapped in; else a compound."""
     solids, shells, faces = count(shape, _SOLID), count(shape, _SHELL), count(shape, _FACE)
     loose_shells = _loose(shape, _SHELL, _SOLID)
     loose_faces = _loose(shape, _FACE, _SHELL)
@@ -148,6 +148,8 @@ def kind_of(shape: TopoDS_Shape) -> ShapeKind:
         return ShapeKind.SOLID
     if solids == 0 and shells == 1 and not loose_faces:
         return ShapeKind.SHELL
+    if faces == 0 and count(shape, _EDGE) == 1:
+        return ShapeKind.EDGE
     return ShapeKind.FACE if solids == shells == 0 and faces == 1 else ShapeKind.COMPOUND
 
 

@@ -33,13 +33,13 @@ def require_writable(paths: Sequence[str | Path]) -> None:
 class Consignment:
     """One shape and the files it goes to.
 
-    mesh      triangles of the shape, for the mesh formats
+    mesh      triangles of the shape, for the mesh formats; None for one without faces
     beside    further files that belong to the same result, each with the function that writes it
     measures  of the shape, where they are known already
     """
 
     shape: TopoDS_Shape
-    mesh: TriangleMesh
+    mesh: TriangleMesh | None
     paths: Sequence[str | Path]
     header: FileHeader = FileHeader()  # noqa: RUF009  (frozen)
     beside: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
@@ -104,7 +104,7 @@ def _written(
 
 def _write_one(
     shape: TopoDS_Shape,
-    mesh: TriangleMesh,
+    mesh: TriangleMesh | None,
     place: tuple[Path, Path],
     *,
     header: FileHeader,
@@ -120,6 +120,8 @@ def _write_one(
             return write_iges(shape, written, header=header, measures=measures)
         if ending in BREP_ENDINGS:
             return write_brep(shape, written, measures=measures)
+        if mesh is None:
+            raise NotWritten(str(path), "the shape has no faces to be drawn with triangles")
         return write_mesh(mesh, written, header=header)
     except NotWritten as failure:
         raise NotWritten(str(path), failure.problem) from failure

@@ -77,7 +77,7 @@ def write_parcels(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: 
     with bench.phase("write", "writing and reading back"):
         read_back = write_together(
             [
-                Consignment(p.shape, p.report.triangles(), p.outputs, header, p.others, p.report.measures)
+                Consignment(p.shape, p.report.triangulation, p.outputs, header, p.others, p.report.measures)
                 for p in parcels
             ],
             schema=StepSchema[request.get("schema", "AP214")],
