@@ -19,6 +19,7 @@ b_o
 Paper  [marinov2005], Newton on a subdivision surface.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ from scipy.spatial import cKDTree
 from recon.subdivision.evaluation import MAX_SUPPORT, PatchArrays, patch_weights, points_at
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Feet", "nearest_feet", "seed_feet", "walk_feet"]
+__all__ = ["Feet", "joined", "nearest_feet", "seed_feet", "walk_feet"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -49,6 +50,21 @@ class Feet(NamedTuple):
     w: Floats
     positions: Floats
     normals: Floats
+
+    def chosen(self, which: Ints) -> "Feet":
+        """Those of the numbers `which`."""
+        return Feet(self.patch[which], self.v[which], self.w[which], self.positions[which], self.normals[which])
+
+
+def joined(parts: Sequence[Feet]) -> Feet:
+    """Feet one after the other."""
+    return Feet(
+        np.concatenate([part.patch for part in parts]),
+        np.concatenate([part.v for part in parts]),
+        np.concatenate([part.w for part in parts]),
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate([part.normals for part in parts]),
+    )
 
 
 def nearest_feet(patches: LimitPatches, points: Floats, data: Floats, *, step: float = EXACT) -> Feet:
