@@ -116,7 +116,7 @@ def _of_splines(
     moment = sum(s * m.volume_moment / volume if solid else m.area_moment / area for s, m in zip(signs, found))
     centre = apex + moment
     # a face whose control points stay inside the box of the others' corners does not reach the box
-    corners = np.concatenate([surface.control_net[:: len(surface.control_net) - 1].reshape(-1, 3) for surface in surfaces])
+    corners = np.concatenate([surface.control_net[[0, 0, -1, -1], [0, -1, 0, -1]] for surface in surfaces])
     reaching = (low < corners.min(axis=0)).any(axis=1) | (high > corners.max(axis=0)).any(axis=1)
     box = _bounding_box_of([face for face, reaches in zip(faces, reaching) if reaches], corners)
     return (volume,) if solid else (), area, (float(centre[0]), float(centre[1]), float(centre[2])), box

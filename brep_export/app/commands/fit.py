@@ -25,12 +25,15 @@ from brep_export.app.outputs import ENDINGS
 __all__ = ["fit"]
 
 JOB = "brep_export.app.fit_job:fit"
+CONVERSION = "brep_export.app.control_mesh_job:convert"
 
 
 class Surface(StrEnum):
     """Scheme of a fitted surface."""
 
     LOOP = "loop"
+    CATMULL_CLARK = "catmull-clark"
+    DOO_SABIN = "doo-sabin"
 
 
 class Update(StrEnum):
@@ -45,18 +48,28 @@ class Update(StrEnum):
 
 
 def fit(
-    inputs: Annotated[Path, typer.Argument(metavar="SCAN", help="Scan as a triangle mesh, open or closed.")],
+    inputs: Annotated[
+        Path | None, typer.Argument(metavar="SCAN", help="Scan as a triangle mesh, open or closed.", show_default=False)
+    ] = None,
     outputs: Annotated[
         list[Path] | None,
         typer.Option("-o", "--output", help=f"File to write: .obj control mesh, or {' '.join(ENDINGS)}. Repeatable."),
     ] = None,
-    surface: Annotated[Surface, typer.Option(help="Scheme of the surface.")] = Surface.LOOP,
+    surface: Annotated[
+        Surface | None, typer.Option(help="Scheme of the surface; by its faces for a control mesh, loop for a scan.")
+    ] = None,
     control_points: Annotated[int | None, typer.Option(help="At most so many control points.", min=4)] = None,
     tolerance: Annotated[
         str | None, typer.Option(help="Largest error: a length, or a share of the diagonal as 0.1%.")
     ] = None,
     update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
     plain: Annotated[bool, typer.Option(help="All control points at once, six rounds, no refinement.")] = False,
+    control_mesh: Annotated[
+        Path | None, typer.Option(help="Fit nothing: the limit surface of this OBJ mesh of quads, triangles or both.")
+    ] = None,
+    angle: Annotated[
+        float, typer.Option(help="Degrees by which tangent planes may differ along smooth edges.", min=1e-9)
+    ] = 0.1,
     unit: UnitOfScans = None,
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,
@@ -69,4 +82,11 @@ def fit(
     debug: Debug = False,
 ) -> None:
     """Subdivision surface of a scan: its control mesh, and its limit surface as a B-rep."""
-    answer("fit", JOB, locals(), more_endings=(".obj",))
+    options = locals()
+    if (inputs is None) == (control_mesh is None):
+        raise typer.BadParameter("name a SCAN, or a control mesh by --control-mesh, and not both")
+    if control_mesh is not None:
+        options["inputs"] = control_mesh
+    elif surface is None:
+        options["surface"] = Surface.LOOP
+    answer("fit", JOB if control_mesh is None else CONVERSION, options, more_endings=(".obj",))
