@@ -195,26 +195,37 @@ def fans(sheets: Sheets, corners: Ints) -> list[Ints]:
     return found
 
 
-ELEVATED = np.array(
-    [[1, 0, 0, 0], [0.4, 0.6, 0, 0], [0.1, 0.6, 0.3, 0], [0, 0.3, 0.6, 0.1], [0, 0, 0.6, 0.4], [0, 0, 0, 1]]
-)  # a cubic's Bezier points as those of degree five
-TO_BEZIER = np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6.0  # of a uniform B-spline's span
-QUINTIC = ELEVATED @ TO_BEZIER
+def _elevated(degree: int) -> Floats:
+    """(6, degree + 1) Bezier points of degree five over those of a lower degree."""
+    rows = np.zeros((DEGREE + 1, degree + 1))
+    for a in range(DEGREE + 1):
+        for i in range(max(0, a - DEGREE + degree), min(degree, a) + 1):
+            rows[a, i] = comb(degree, i) * comb(DEGREE - degree, a - i) / comb(DEGREE, a)
+    return rows
+
+
+# Bezier points of degree five over the control points of a uniform B-spline's span, by the number of these
+QUINTIC = {
+    3: _elevated(2) @ np.array([[1, 1, 0], [0, 2, 0], [0, 1, 1]]) / 2.0,
+    4: _elevated(3) @ np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6.0,
+}
 
 
 def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, irregular: Ints) -> Caps:
     """Caps of all irregular faces.
 
     arrays, points  what the limit surface is evaluated with: a patch a face
-    rings           (M, 16) points of the grid around each irregular face; entry 0 is not used
+    rings           (M, 16) or, of a bi-quadratic surface, (M, 9) points of the grid around each irregular face, row by
+                    row; entry 0 is not used
     irregular       (M,) those faces; corner 0 is the irregular one
     """
     place = np.full(len(sheets.faces), -1)
     place[irregular] = np.arange(len(irregular))
     vertices, first = np.unique(sheets.faces[irregular, 0], return_index=True)
     around = fans(sheets, 4 * irregular[first])
-    grids = points[rings].reshape(-1, 4, 4, 3).transpose(0, 2, 1, 3)  # [i along u, j along v]
-    outer = np.einsum("ai,bj,mijx->mabx", QUINTIC, QUINTIC, grids)
+    n = round(rings.shape[1] ** 0.5)
+    grids = points[rings].reshape(-1, n, n, 3).transpose(0, 2, 1, 3)  # [i along u, j along v]
+    outer = np.einsum("ai,bj,mijx->mabx", QUINTIC[n], QUINTIC[n], grids)
     groups: dict[tuple[VertexKind, int, int], list[Ints]] = {}
     for vertex, fan in zip(vertices.tolist(), around):
         kind = VertexKind(sheets.kinds[vertex])
@@ -243,7 +254,7 @@ def _border_curves(kind: VertexKind, grids: Floats, outer: Floats, rows: Ints) -
         first[0], last[0] = 2 * centre - first[2], 2 * centre - last[2]
     else:
         first[0], last[0] = last[2].copy(), first[2].copy()
-    outer[rows[0], :, 0], outer[rows[-1], 0, :] = QUINTIC @ first, QUINTIC @ last
+    outer[rows[0], :, 0], outer[rows[-1], 0, :] = QUINTIC[4] @ first, QUINTIC[4] @ last
 
 
 def _corner_angle(poles: Floats, kind: VertexKind) -> int:

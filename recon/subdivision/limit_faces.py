@@ -5,7 +5,7 @@ import numpy as np
 from recon.geometry.control_mesh import ControlMesh
 from recon.subdivision.limit_surface import Scheme
 from recon.subdivision.polygons import split_polygons
-from recon.subdivision.quad_faces import LimitFaces, catmull_clark_faces
+from recon.subdivision.quad_faces import LimitFaces, catmull_clark_faces, doo_sabin_faces
 
 __all__ = ["limit_faces", "natural_scheme"]
 
@@ -20,4 +20,6 @@ def limit_faces(mesh: ControlMesh, scheme: Scheme) -> LimitFaces:
     if scheme == Scheme.CATMULL_CLARK:
         four = (np.diff(mesh.face_starts) == 4).all()
         return catmull_clark_faces(mesh if four else split_polygons(mesh))
+    if scheme == Scheme.DOO_SABIN:
+        return doo_sabin_faces(mesh)
     raise NotImplementedError
