@@ -79,7 +79,10 @@ def surface_moments(surface: BSplineSurface, apex: ArrayLike = ORIGIN) -> Moment
     element = np.sqrt(np.einsum("xij,xij->ij", normal, normal)) * weight
     # the middle of a thin cone lies three quarters of the way from its apex
     return Moments(
-        float(cone.sum()), 0.75 * np.einsum("ij,xij->x", cone, s), float(element.sum()), np.einsum("ij,xij->x", element, s)
+        float(cone.sum()),
+        0.75 * np.einsum("ij,xij->x", cone, s),
+        float(element.sum()),
+        np.einsum("ij,xij->x", element, s),
     )
 
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from recon.subdivision.evaluation import PatchArrays, points_at
 from recon.subdivision.sheets import Sheets, VertexKind
 
-__all__ = ["Caps", "cap_nets", "fans"]
+__all__ = ["CapTable", "Caps", "cap_nets", "corner_angle", "fans", "finished_table", "solved_fans", "spoke_angle"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -100,6 +100,12 @@ def _numbers(n: int, closed: bool) -> Ints:
     return np.unique(poles.ravel(), return_inverse=True)[1]
 
 
+def spoke_angle(kind: VertexKind, n: int, angle: int) -> float:
+    """The angle theta between neighbouring spokes, in the plane of which the tangent plane is an affine image."""
+    turn = {VertexKind.SMOOTH: 2 * np.pi, VertexKind.DART: 2 * np.pi, VertexKind.BORDER: np.pi}
+    return float(turn.get(kind, np.pi * angle / ANGLE_STEPS) / n)
+
+
 @cache
 def cap_table(kind: VertexKind, n: int, angle: int) -> CapTable:
     """The table of a vertex with n quads; angle, in parts of a half turn, matters at a corner only."""
@@ -110,26 +116,35 @@ def cap_table(kind: VertexKind, n: int, angle: int) -> CapTable:
     given[:, 4:, :] = given[:, :, 4:] = True
     if not closed:
         given[0, :, 0] = given[n - 1, 0, :] = True
-    is_known = np.zeros(size, dtype=bool)
-    is_known[numbers[given.ravel()]] = True
-    theta = {VertexKind.SMOOTH: 2 * np.pi / n, VertexKind.DART: 2 * np.pi / n, VertexKind.BORDER: np.pi / n}.get(
-        kind, np.pi * angle / ANGLE_STEPS / n
-    )
+    theta = spoke_angle(kind, n, angle)
     spokes = range(n) if kind == VertexKind.SMOOTH else range(1, n)
-    rows = np.concatenate([_spoke_rows(n, i, theta, numbers, size) for i in spokes]) if n > 1 or closed else None
-    constraints = np.zeros((0, size)) if rows is None else rows
+    constraints = np.zeros((0, size))
+    if len(spokes):
+        constraints = np.concatenate([_spoke_rows(n, i, theta, numbers, size) for i in spokes])
     u, v = sample_places()
-    one = _surface_basis(u, v)
-    all_poles = np.zeros((36 * n, size))
-    all_poles[np.arange(36 * n), numbers] = 1.0
-    basis = np.zeros((n * len(u), 36 * n))
-    for i in range(n):
-        basis[i * len(u) : (i + 1) * len(u), 36 * i : 36 * i + 36] = one
-    weights = np.tile(np.where(u * v == 0.0, np.sqrt(CURVES), 1.0), n)
+    return finished_table(constraints, (_surface_basis(u, v), u * v == 0.0), numbers, given)
+
+
+def finished_table(
+    constraints: Floats, samples: tuple[Floats, NDArray[np.bool_]], numbers: Ints, given: NDArray[np.bool_]
+) -> CapTable:
+    """The table from the conditions (C, size), the samples of one patch over its poles and which lie on spokes.
+
+    numbers  the number of every pole; given  (n, ...) which poles are given
+    """
+    one, on_spoke = samples
+    n, size, n_poles = len(given), int(numbers.max()) + 1, one.shape[1]
+    flags = given.ravel()
+    is_known = np.zeros(size, dtype=bool)
+    is_known[numbers[flags]] = True
+    all_poles = np.zeros((n_poles * n, size))
+    all_poles[np.arange(n_poles * n), numbers] = 1.0
+    basis = np.kron(np.eye(n), one)
+    weights = np.tile(np.where(on_spoke, np.sqrt(CURVES), 1.0), n)
     from_known, from_samples, ways = _solved(constraints, weights[:, None] * (basis @ all_poles), is_known)
     unknown, known = np.flatnonzero(~is_known), np.flatnonzero(is_known)
-    first = np.full(size, 36 * n)
-    np.minimum.at(first, numbers[given.ravel()], np.flatnonzero(given.ravel()))
+    first = np.full(size, n_poles * n)
+    np.minimum.at(first, numbers[flags], np.flatnonzero(flags))
     spread = all_poles[:, np.concatenate([unknown, known])]
     return CapTable(from_known, from_samples * weights, ways, spread, first[known], basis)
 
@@ -175,19 +190,19 @@ def _spoke_rows(n: int, i: int, theta: float, numbers: Ints, size: int) -> Float
 
 def fans(sheets: Sheets, corners: Ints) -> list[Ints]:
     """The faces around the start of each side, counter-clockwise, from the border where there is one."""
-    across = sheets.across.ravel()
+    k, across = sheets.across.shape[1], sheets.across.ravel()
     found = []
     for side in corners.tolist():
         first = side
         while across[first] >= 0:  # clockwise to the border, or all around
             other = int(across[first])
-            first = other - other % 4 + (other + 1) % 4
+            first = other - other % k + (other + 1) % k
             if first == side:
                 break
         row, at = [], first
         while True:
-            row.append(at // 4)
-            back = int(across[at - at % 4 + (at + 3) % 4])
+            row.append(at // k)
+            back = int(across[at - at % k + (at + k - 1) % k])
             if back < 0 or back == first:
                 break
             at = back
@@ -231,15 +246,18 @@ def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, i
         kind = VertexKind(sheets.kinds[vertex])
         rows = place[fan]
         _border_curves(kind, grids[rows], outer, rows)
-        angle = _corner_angle(outer[rows], kind)
+        angle = 0
+        if kind == VertexKind.CORNER:
+            apex, inner = outer[rows[0], 0, 0], outer[rows, 5, 5]
+            angle = corner_angle(outer[rows[0], 1, 0] - apex, outer[rows[-1], 0, 1] - apex, inner.mean(axis=0) - apex)
         groups.setdefault((kind, len(fan), angle), []).append(rows)
     nets, off = np.empty((len(irregular), 6, 6, 3)), np.zeros(len(irregular))
     for (kind, n, angle), clusters in groups.items():
         rows = np.array(clusters)
         for first in range(0, len(rows), AT_ONCE):
             some = rows[first : first + AT_ONCE]
-            nets[some.ravel()], off[some.ravel()] = _solved_fans(
-                cap_table(kind, n, angle), outer[some], (arrays, points, irregular[some])
+            nets[some.ravel()], off[some.ravel()] = solved_fans(
+                cap_table(kind, n, angle), outer[some], sample_places(), (arrays, points, irregular[some])
             )
     return Caps(irregular, nets, off)
 
@@ -257,30 +275,34 @@ def _border_curves(kind: VertexKind, grids: Floats, outer: Floats, rows: Ints) -
     outer[rows[0], :, 0], outer[rows[-1], 0, :] = QUINTIC[4] @ first, QUINTIC[4] @ last
 
 
-def _corner_angle(poles: Floats, kind: VertexKind) -> int:
-    """The angle at a corner between its borders, through the surface, in parts of a half turn; 0 elsewhere."""
-    if kind != VertexKind.CORNER or len(poles) == 1:
-        return 0
-    apex = poles[0, 0, 0]
-    one, two = poles[0, 1, 0] - apex, poles[-1, 0, 1] - apex
-    # a direction into the fan: the far corners of its quads
-    inward = poles[:, 5, 5].mean(axis=0) - apex
-    cosine = one @ two / max(np.linalg.norm(one) * np.linalg.norm(two), 1e-300)
-    angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    middle = one / np.linalg.norm(one) + two / np.linalg.norm(two)
-    if middle @ inward < 0.0:
+def corner_angle(one: Floats, two: Floats, inward: Floats) -> int:
+    """The angle at a corner between its borders, through the surface, in parts of a half turn.
+
+    one, two  (3,) along the borders; inward (3,) into the surface
+    """
+    first, second = (x / max(np.linalg.norm(x), 1e-300) for x in (one, two))
+    angle = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
+    if (first + second) @ inward < 0.0:
         angle = 2 * np.pi - angle
     parts = round(angle / np.pi * ANGLE_STEPS)
-    straight = parts % ANGLE_STEPS == 0
-    return int(np.clip(parts - 1 if straight and parts else parts, 1, 2 * ANGLE_STEPS - 1))
+    if parts == ANGLE_STEPS:  # borders in one line span no plane; near it they do
+        parts += 1 if angle > np.pi else -1
+    return int(np.clip(parts, 1, 2 * ANGLE_STEPS - 1))
 
 
-def _solved_fans(table: CapTable, outer: Floats, surface: tuple[PatchArrays, Floats, Ints]) -> tuple[Floats, Floats]:
-    """(M n, 6, 6, 3) poles of M fans of n patches and (M n,) largest distance of a sample from the surface."""
+def solved_fans(
+    table: CapTable, outer: Floats, places: tuple[Floats, Floats], surface: tuple[PatchArrays, Floats, Ints]
+) -> tuple[Floats, Floats]:
+    """Poles of M fans of n patches, and (M n,) the largest distance of a sample of each patch from the surface.
+
+    outer    (M, n, ..., 3) poles of which the known ones are given; those that come back (M n, ..., 3) are like it
+    places   of the samples in a patch
+    surface  the limit surface: patches, their points, and (M, n) the patch under each cap
+    """
     arrays, points, faces = surface
     m, n = faces.shape
-    known = outer.reshape(m, n * 36, 3)[:, table.known]
-    u, v = sample_places()
+    u, v = places
+    known = outer.reshape(m, -1, 3)[:, table.known]
     patch = np.repeat(faces.ravel(), len(u))
     place = np.tile(u, m * n), np.tile(v, m * n)
     limit = points_at(arrays, points, patch, *place, 3).reshape(m, n * len(u), 3, 3)
@@ -298,7 +320,7 @@ def _solved_fans(table: CapTable, outer: Floats, surface: tuple[PatchArrays, Flo
         off = np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal)
         if turn < ROUNDS:
             poles = poles + ways @ _moves(reach, normal, off)
-    return poles.reshape(m * n, 6, 6, 3), np.abs(off).reshape(m * n, len(u)).max(axis=1)
+    return poles.reshape(m * n, *outer.shape[2:]), np.abs(off).reshape(m * n, len(u)).max(axis=1)
 
 
 def _moves(reach: Floats, normal: Floats, off: Floats) -> Floats:
@@ -325,6 +347,12 @@ def _nearer(
     size = np.abs(step).max(axis=0)
     step *= np.where(size > 0.2, 0.2 / np.where(size > 0, size, 1.0), 1.0)
     moving = (place[0] > 0) | (place[1] > 0)
-    u = np.clip(place[0] + moving * step[0], 0.0, 1.0)
-    v = np.clip(place[1] + moving * step[1], 0.0, 1.0)
+    u, v = place[0] + moving * step[0], place[1] + moving * step[1]
+    if arrays.across.shape[1] == 3:
+        over = np.maximum(u + v - 1.0, 0.0) / 2.0
+        u, v = u - over, v - over
+    u, v = np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0)
+    if arrays.across.shape[1] == 3:
+        total = np.maximum(u + v, 1.0)
+        u, v = u / total, v / total
     return (u, v), points_at(arrays, points, patch, u, v, 3).reshape(limit.shape)

@@ -6,6 +6,7 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.subdivision.limit_surface import Scheme
 from recon.subdivision.polygons import split_polygons
 from recon.subdivision.quad_faces import LimitFaces, catmull_clark_faces, doo_sabin_faces
+from recon.subdivision.triangle_faces import loop_faces
 
 __all__ = ["limit_faces", "natural_scheme"]
 
@@ -22,4 +23,4 @@ def limit_faces(mesh: ControlMesh, scheme: Scheme) -> LimitFaces:
         return catmull_clark_faces(mesh if four else split_polygons(mesh))
     if scheme == Scheme.DOO_SABIN:
         return doo_sabin_faces(mesh)
-    raise NotImplementedError
+    return loop_faces(mesh)

@@ -23,7 +23,15 @@ from recon.subdivision.limit_tables import CATMULL_CLARK, LOOP, Rules, corner_ta
 from recon.subdivision.rings import MAX_RING, face_rings, fan_places
 from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 
-__all__ = ["LimitPatches", "Scheme", "limit_patches", "limit_points", "patch_arrays", "tessellate", "tessellation_places"]
+__all__ = [
+    "LimitPatches",
+    "Scheme",
+    "limit_patches",
+    "limit_points",
+    "patch_arrays",
+    "tessellate",
+    "tessellation_places",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,10 +1,10 @@
 """Surfaces laid over rectangles of quads, joined along the edges of the quads.
 
-    +---+---+---+        a side of a tile is a row of quad edges; it is cut where a corner of any tile lies, and what
-    |   A   | B |        is left between two cuts has the same tiles on both sides: one edge of the mosaic
-    +   .   +---+
-    |       | C |        the row of an edge is named by the smallest of its quad edges, from either side
-    +---+---+---+
++---+---+---+        a side of a tile is a row of quad edges; it is cut where a corner of any tile lies, and what
+|   A   | B |        is left between two cuts has the same tiles on both sides: one edge of the mosaic
++   .   +---+
+|       | C |        the row of an edge is named by the smallest of its quad edges, from either side
++---+---+---+
 """
 
 from collections.abc import Callable

@@ -70,7 +70,7 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, accuracy: fl
     faces = mesh.faces_of(4)
     edge = np.linalg.norm(mesh.vertices[faces] - mesh.vertices[np.roll(faces, -1, axis=1)], axis=2).mean()
     for steps in range(MAX_STEPS + 1):
-        layout = isolated(mesh, steps)
+        layout = isolated(mesh, CATMULL_CLARK, steps)
         whole = catmull_clark.extended(layout.sheets)
         points = whole.matrix @ (layout.points @ mesh.vertices)
         caps = _caps(layout, whole.sheets, points)
