@@ -50,9 +50,9 @@ def limit_shape(mesh: ControlMesh, scheme: Scheme, angle_deg: float, bench: Benc
         shape = mosaic_shape(faces.mosaic, tolerance)
     kind = ShapeKind.SOLID if faces.mosaic.is_closed else kind_of(shape)
     if faces.off > 0.0:
-        share = 100.0 * faces.off / mean_edge(mesh)
+        share, n_caps = 100.0 * faces.off / mean_edge(mesh), len(faces.mosaic.patches) - faces.n_exact
         bench.note(
-            f"{faces.n_exact} faces are the limit surface itself; the other {len(faces.mosaic.patches) - faces.n_exact}, "
+            f"{faces.n_exact} faces are the limit surface itself; the other {n_caps}, "
             f"around irregular vertices, are off it by at most {share:.2g} % of a mean edge."
         )
     return LimitShape(shape, kind, tolerance, faces)

@@ -1,6 +1,7 @@
 """Control meshes from OBJ files: faces with as many corners as they have, line elements as creases."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def read_control_mesh(path: str | Path) -> ControlMesh:
 def _creases(data: bytes, name: str, n_points: int) -> np.ndarray:
     plain = re.sub(rb"/[^\s]*", b"", re.sub(rb"\\\r?\n", b" ", data))
     lines = [words[1:] for words in lines_with_words(plain) if words[0] == b"l"]
-    pairs = [pair for line in lines for pair in zip(line, line[1:])]
+    pairs = [pair for line in lines for pair in pairwise(line)]
     numbers = integers(number_array((word for pair in pairs for word in pair), name), name).reshape(-1, 2)
     numbers = np.where(numbers > 0, numbers - 1, n_points + numbers)
     if len(numbers) and (numbers.min() < 0 or numbers.max() >= n_points):

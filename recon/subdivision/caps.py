@@ -139,7 +139,7 @@ def finished_table(
     is_known[numbers[flags]] = True
     all_poles = np.zeros((n_poles * n, size))
     all_poles[np.arange(n_poles * n), numbers] = 1.0
-    basis = np.kron(np.eye(n), one)
+    basis: Floats = np.kron(np.eye(n), one).astype(np.float64)
     weights = np.tile(np.where(on_spoke, np.sqrt(CURVES), 1.0), n)
     from_known, from_samples, ways = _solved(constraints, weights[:, None] * (basis @ all_poles), is_known)
     unknown, known = np.flatnonzero(~is_known), np.flatnonzero(is_known)
@@ -238,9 +238,9 @@ def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, i
     place[irregular] = np.arange(len(irregular))
     vertices, first = np.unique(sheets.faces[irregular, 0], return_index=True)
     around = fans(sheets, 4 * irregular[first])
-    n = round(rings.shape[1] ** 0.5)
-    grids = points[rings].reshape(-1, n, n, 3).transpose(0, 2, 1, 3)  # [i along u, j along v]
-    outer = np.einsum("ai,bj,mijx->mabx", QUINTIC[n], QUINTIC[n], grids)
+    size = round(rings.shape[1] ** 0.5)
+    grids = points[rings].reshape(-1, size, size, 3).transpose(0, 2, 1, 3)  # [i along u, j along v]
+    outer = np.einsum("ai,bj,mijx->mabx", QUINTIC[size], QUINTIC[size], grids)
     groups: dict[tuple[VertexKind, int, int], list[Ints]] = {}
     for vertex, fan in zip(vertices.tolist(), around):
         kind = VertexKind(sheets.kinds[vertex])
@@ -280,7 +280,7 @@ def corner_angle(one: Floats, two: Floats, inward: Floats) -> int:
 
     one, two  (3,) along the borders; inward (3,) into the surface
     """
-    first, second = (x / max(np.linalg.norm(x), 1e-300) for x in (one, two))
+    first, second = (x / max(float(np.linalg.norm(x)), 1e-300) for x in (one, two))
     angle = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
     if (first + second) @ inward < 0.0:
         angle = 2 * np.pi - angle
@@ -329,7 +329,7 @@ def _moves(reach: Floats, normal: Floats, off: Floats) -> Floats:
     rows = (reach[:, :, None] * normal[:, :, None, :]).reshape(m, len(reach), 3 * q)
     square = rows.transpose(0, 2, 1) @ rows
     square += DAMPING**2 * np.kron(reach.T @ reach, np.eye(3))
-    return np.linalg.solve(square, rows.transpose(0, 2, 1) @ off[:, :, None]).reshape(m, q, 3)
+    return np.asarray(np.linalg.solve(square, rows.transpose(0, 2, 1) @ off[:, :, None]).reshape(m, q, 3))
 
 
 def _nearer(

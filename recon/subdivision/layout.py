@@ -77,7 +77,8 @@ def isolated(mesh: ControlMesh, rules: Rules = CATMULL_CLARK, steps: int = 0) ->
     turns = irregular.argmax(axis=1)
     turned, across = _turned(sheets.faces, sheets.across, turns)
     whole_faces, whole_across = _turned(whole.faces, whole.across, turns)
-    return Layout(Sheets(turned, across, sheets.kinds), whole_faces, whole_across, points, ~irregular.any(axis=1))
+    regular = np.logical_not(irregular.any(axis=1))
+    return Layout(Sheets(turned, across, sheets.kinds), whole_faces, whole_across, points, np.asarray(regular))
 
 
 def _irregular_corners(sheets: Sheets, rules: Rules) -> Bools:

@@ -8,6 +8,7 @@
 """
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ def joined(faces: Ints, across: Ints, smooth: NDArray[np.bool_], tiles: list[Til
     for tile, four in zip(tiles, rows):
         for side, row in enumerate(four):
             cuts = [k for k, v in enumerate(row.vertices) if ends[v]]
-            for a, b in zip(cuts, cuts[1:]):
+            for a, b in pairwise(cuts):
                 key, first = min(row.edges[a:b]), (row.edges[a], row.vertices[a])
                 e = known.setdefault(key, len(curves))
                 if e == len(curves):

@@ -1,7 +1,7 @@
 """Surfaces of quadrilaterals as faces for a solid: rectangles of exact splines, and caps around irregular vertices.
 
-    rectangle of m x n quads   one B-spline surface with unit spans, bicubic in Catmull-Clark's scheme and bi-quadratic in
-                               Doo-Sabin's: exact
+    rectangle of m x n quads   one B-spline surface with unit spans, bicubic in Catmull-Clark's scheme and bi-quadratic
+                               in Doo-Sabin's: exact
     cap                        one bi-quintic Bezier patch a quad (`caps`)
 
 Both are laid over the same quads, so what two of them share is a row of the quads' edges: the row becomes one edge, cut
@@ -10,8 +10,8 @@ where a third surface begins.
 Where a cap is too far from the limit surface the mesh is refined once more: the caps shrink, and the rectangles lose
 the knots that refinement put into them (`uniform_splines`).
 
-Doo-Sabin's patches lie around the points of the mesh once refined. Their corners form a mesh of quadrilaterals, too, and
-its irregular vertices are the middles of the faces that have not four corners.
+Doo-Sabin's patches lie around the points of the mesh once refined. Their corners form a mesh of quadrilaterals, too,
+and its irregular vertices are the middles of the faces that have not four corners.
 """
 
 from functools import partial

@@ -1,16 +1,16 @@
 """The Loop surface as faces for a solid: a triangle a face, four-sided with one side collapsed to a point.
 
-    C ------ C             a triangle of degree d as a patch of degree d x d: v runs from side 0-1 to corner 2, side v = 1
-     \\      /              is the corner. In row v the triangle is of degree d in u again.
+    C ------ C             a triangle of degree d as a patch of degree d x d: v runs from side 0-1 to corner 2, side
+     \\      /              v = 1 is the corner. In row v the triangle is of degree d in u again.
       0----1
                             S(u, v) = T((1 - u)(1 - v), u (1 - v), v)
 
-Regular triangles are exact, quartic. Those around an irregular vertex are caps of degree seven (see `caps`): two rows of
-poles along the outer side are given by the box spline beyond, and along a smooth spoke C_i
+Regular triangles are exact, quartic. Those around an irregular vertex are caps of degree seven (see `caps`): two rows
+of poles along the outer side are given by the box spline beyond, and along a smooth spoke C_i
 
     D_w T_i(t) + D_v T_(i-1)(t) = (1 + (2 cos(theta) - 1) (1 - t)^2) C_i'(t)
 
-with D_v, D_w the derivatives toward the third corner: at a regular vertex 2 cos(theta) = 1, and so at the far end t = 1.
+with D_v, D_w the derivatives toward the third corner: at a regular vertex 2 cos(theta) = 1, and so at the end t = 1.
 
 Paper  [lai1992], Bezier points of the regular triangle; [loop2004], G1 caps.
 """
@@ -34,6 +34,7 @@ from recon.subdivision.caps import (
     solved_fans,
     spoke_angle,
 )
+from recon.subdivision.evaluation import PatchArrays
 from recon.subdivision.layout import Layout, isolated
 from recon.subdivision.limit_surface import patch_arrays
 from recon.subdivision.limit_tables import LOOP, regular_table
@@ -121,7 +122,7 @@ def _share_sides(quartic: Floats, layout: Layout) -> None:
         quartic[np.flatnonzero(follows)[:, None], lines[side]] = quartic[its[:, None] // 3, lines[its % 3][:, ::-1]]
 
 
-def _caps(sheets: Sheets, surface: tuple, outer: Floats, irregular: Ints) -> tuple[Floats, float]:
+def _caps(sheets: Sheets, surface: tuple[PatchArrays, Floats], outer: Floats, irregular: Ints) -> tuple[Floats, float]:
     place = np.full(len(sheets.faces), -1)
     place[irregular] = np.arange(len(irregular))
     vertices, first = np.unique(sheets.faces[irregular, 0], return_index=True)
