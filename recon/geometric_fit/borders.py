@@ -27,7 +27,7 @@ __all__ = ["BorderPull", "Borders", "sideways"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ON_SIDE = 1e-12  # barycentric coordinate
+ON_SIDE = 1e-12  # how far inside a place on a side may seem
 SHARES = (0.25, 0.75)  # of a border side, where it is sampled
 
 
@@ -47,13 +47,9 @@ class Borders:
 
     def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
         self._scan = scan
-        patch, side = np.nonzero(_free_sides(patches)) if scan.is_open else (np.empty(0, dtype=np.int64),) * 2
-        bary = np.zeros((len(patch), len(SHARES), 3))
-        row, share = np.arange(len(patch))[:, None], np.array(SHARES)
-        bary[row, np.arange(len(SHARES)), side[:, None]] = 1.0 - share
-        bary[row, np.arange(len(SHARES)), (side[:, None] + 1) % 3] = share
-        patch = np.repeat(patch, len(SHARES))
-        v, w = bary.reshape(-1, 3)[:, 1].copy(), bary.reshape(-1, 3)[:, 2].copy()
+        patch, side = _free_sides(patches) if scan.is_open else (np.empty(0, dtype=np.int64),) * 2
+        patch, side = (np.repeat(x, len(SHARES)) for x in (patch, side))
+        v, w = _on_sides(patches, side, np.resize(np.array(SHARES), len(side)))
         nowhere = np.empty((len(patch), 3))
         self._places = Feet(patch, v, w, nowhere, nowhere)
         self._to_places: sparse.csr_array = basis_rows(patches, self._places).matrix(mesh.n_vertices)
@@ -69,15 +65,29 @@ class Borders:
         return BorderPull(self._places._replace(positions=places, normals=normals), found.points)
 
 
-def _free_sides(patches: LimitPatches) -> NDArray[np.bool_]:
-    """(C, 3) the sides of patches on the border; both sides of a crease, which share control points, are none."""
-    faces, across, kinds = patches.sheets
-    mark = np.round(patches.refined @ np.random.default_rng(0).random(patches.refined.shape[1]), 10)
-    same = np.unique(mark, return_inverse=True)[1]
-    ends = np.sort(np.stack([same[faces], same[np.roll(faces, -1, axis=1)]], axis=2), axis=2)
-    key = ends[..., 0] * len(kinds) + ends[..., 1]
-    _, number, count = np.unique(key, return_inverse=True, return_counts=True)
-    return (across < 0) & (count[number].reshape(key.shape) == 1)
+def _free_sides(patches: LimitPatches) -> tuple[Ints, Ints]:
+    """(m,) patches and (m,) their sides on the border; both sides of a crease, which weigh points alike, are none."""
+    patch, side = np.nonzero(patches.arrays.across < 0)
+    v, w = _on_sides(patches, side, np.full(len(side), 0.5))
+    nowhere = np.empty((len(patch), 3))
+    rows = basis_rows(patches, Feet(patch, v, w, nowhere, nowhere)).matrix(patches.points.shape[1])
+    mark = np.round(rows @ np.random.default_rng(0).random(rows.shape[1]), 10)
+    _, number, count = np.unique(mark, return_inverse=True, return_counts=True)
+    lone = count[number] == 1
+    return patch[lone], side[lone]
+
+
+def _corners(patches: LimitPatches) -> Floats:
+    """(k, 2) v and w at the corners of a patch."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    return square if patches.arrays.across.shape[1] == 4 else square[[0, 1, 3]]
+
+
+def _on_sides(patches: LimitPatches, side: Ints, share: Floats) -> tuple[Floats, Floats]:
+    """v and w of places that are so far along the sides."""
+    corners = _corners(patches)
+    place = (1.0 - share)[:, None] * corners[side] + share[:, None] * np.roll(corners, -1, axis=0)[side]
+    return place[:, 0].copy(), place[:, 1].copy()
 
 
 def sideways(patches: LimitPatches, points: Floats, feet: Feet) -> tuple[Ints, Floats]:
@@ -85,14 +95,13 @@ def sideways(patches: LimitPatches, points: Floats, feet: Feet) -> tuple[Ints, F
 
     points  (R, 3) the points the patches depend on
     """
-    bary = np.stack([1.0 - feet.v - feet.w, feet.v, feet.w], axis=1)
-    # corner o is opposite the side from o + 1 to o + 2
-    on = (bary <= ON_SIDE) & (np.roll(patches.arrays.across[feet.patch], -1, axis=1) < 0)
+    v, w = feet.v, feet.w
+    inside = [w, 1.0 - v - w, v] if patches.arrays.across.shape[1] == 3 else [w, 1.0 - v, 1.0 - w, v]
+    on = (np.stack(inside, axis=1) <= ON_SIDE) & (patches.arrays.across[feet.patch] < 0)
     which = np.flatnonzero(on.any(axis=1))
-    start = (on[which].argmax(axis=1) + 1) % 3
-    end = (start + 1) % 3
-    slopes = points_at(patches.arrays, points, feet.patch[which], feet.v[which], feet.w[which], 3)
-    along = [(end == k).astype(np.float64) - (start == k) for k in (1, 2)]
-    tangent = along[0][:, None] * slopes[:, 1] + along[1][:, None] * slopes[:, 2]
+    corners = _corners(patches)
+    along = (np.roll(corners, -1, axis=0) - corners)[on[which].argmax(axis=1)]
+    slopes = points_at(patches.arrays, points, feet.patch[which], v[which], w[which], 3)
+    tangent = np.einsum("mi,mik->mk", along, slopes[:, 1:3])
     out = np.cross(tangent, np.cross(slopes[:, 1], slopes[:, 2]))
     return which, out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)

@@ -7,7 +7,7 @@ normals are compared on both sides of the edge, near to it. A sharp edge keeps i
              a   b  \\                   /  a  b  \\               to the left and to the right of its middle
                      \\                 |        |
 
-    bent edges  ->  confirmed by the scan  ->  chains of at least `SHORTEST`  ->  corners where a chain turns sharply
+    bent edges  ->  confirmed by the scan  ->  chains that are `LONG`  ->  corners where a chain turns sharply
 
 Paper  [hoppe1994], sharp edges, darts and corners of a subdivision surface.
 """
@@ -22,7 +22,7 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import edge_table
 
-__all__ = ["with_creases"]
+__all__ = ["n_loose_ends", "with_creases"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,7 +30,9 @@ Bools = NDArray[np.bool_]
 
 REACH = 0.35  # of a control edge: how far from it the scan is asked
 CONFIRMED = 0.75  # of the angle asked for is found in the scan, whose edges are a little rounded
-SHORTEST = 4  # edges in a chain: fewer are a bump
+EDGED = 0.1  # of all edges in long chains: the shape is one with sharp edges, and shorter chains count too
+SHORTEST = 4  # edges in a chain of such a shape: fewer are a bump
+LONG = 0.5  # of the diagonal, all edges of a chain together: what is shorter, as a hoof or an ear, is fitted smoothly
 NEAREST = 24  # faces of the scan that are asked at each edge at least, as far as they are within reach
 SHARP_TURN = np.cos(np.radians(50.0))  # between two edges of a chain that meet in a corner
 
@@ -49,9 +51,14 @@ def with_creases(mesh: ControlMesh, scan: TriangleMesh, angle: float) -> Control
     bent = np.einsum("ij,ij->i", normals[one], normals[two]) < np.cos(angle)
     edges, one, two = table.edges[edge[pair[bent]]], one[bent], two[bent]
     found = _angle_in_scan(mesh, scan, edges, normals[one] + normals[two]) > CONFIRMED * angle
-    creases = _long_chains(edges[found], mesh.n_vertices)
+    creases = _chains(edges[found], mesh.vertices, len(table.edges))
     corners = _corners(mesh.vertices, np.concatenate([creases, table.edges[table.uses == 1]]))
     return ControlMesh(mesh.vertices, mesh.face_corners, mesh.face_starts, creases, corners)
+
+
+def n_loose_ends(mesh: ControlMesh) -> int:
+    """How many vertices one crease alone leads to: many where the creases are ragged."""
+    return int((np.bincount(mesh.crease_edges.ravel()) == 1).sum())
 
 
 def _unit(vectors: Floats) -> Floats:
@@ -79,12 +86,16 @@ def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: 
     return np.arccos(np.clip(np.einsum("mi,mi->m", left, right), -1.0, 1.0))
 
 
-def _long_chains(edges: Ints, n_vertices: int) -> Ints:
-    """The edges that hang together with at least SHORTEST - 1 others."""
+def _chains(edges: Ints, vertices: Floats, n_edges: int) -> Ints:
+    """The edges that hang together with enough others: over LONG of the diagonal, or some few where all is sharp."""
+    if len(edges) == 0:
+        return edges
     ones = np.ones(len(edges), dtype=np.int8)
-    graph = sparse.coo_array((ones, (edges[:, 0], edges[:, 1])), shape=(n_vertices, n_vertices))
+    graph = sparse.coo_array((ones, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices)))
     piece = csgraph.connected_components(graph, directed=False)[1][edges[:, 0]]
-    return edges[np.bincount(piece)[piece] >= SHORTEST] if len(edges) else edges
+    length = np.bincount(piece, np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1))
+    long = length[piece] >= LONG * np.linalg.norm(np.ptp(vertices, axis=0))
+    return edges[np.bincount(piece)[piece] >= SHORTEST if long.sum() > EDGED * n_edges else long]
 
 
 def _corners(vertices: Floats, sharp: Ints) -> Ints:

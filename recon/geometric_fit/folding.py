@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 HALVINGS = 3  # of a step that folds the surface
-UNFOLDINGS, UNFOLDING = 40, 0.2  # steps toward the neighbours' mean where the surface folds, and their length
+UNFOLDINGS, UNFOLDING = 24, 0.25  # steps that take folds out, and how far toward the mean each goes
 
 
 class Step(NamedTuple):
@@ -52,11 +52,19 @@ def stepped(guards: Guards, old: Floats, new: Floats) -> Step:
 
 
 def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
-    """Control points of faces that still fold go toward their neighbours' mean until none does, or it does not help."""
-    means, points = neighbour_means(mesh), mesh.vertices
+    """The mesh with control points of faces that fold drawn toward their neighbours' mean; how many still fold.
+
+    Where no way leads out of all folds, the state with the fewest is kept.
+    """
+    points = mesh.vertices
+    folded = guards.folded(points)
+    best, fewest = points, int(folded.sum())
+    means = neighbour_means(mesh)
     for _ in range(UNFOLDINGS):
-        folded = guards.folded(points)
         if not folded.any():
             break
         points = np.where(folded[:, None], points + UNFOLDING * (means @ points - points), points)
-    return mesh.with_vertices(points), int(folded.sum())
+        folded = guards.folded(points)
+        if folded.sum() < fewest:
+            best, fewest = points, int(folded.sum())
+    return mesh.with_vertices(best), fewest

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from recon.geometric_fit.foot_points import Feet
+from recon.geometric_fit.foot_points import Feet, sample_places
 from recon.geometric_fit.scan_data import FOLD, ScanData
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
-from recon.numerics.halfedges import edge_table, vertex_adjacency
+from recon.numerics.halfedges import edge_table
 from recon.subdivision.limit_surface import LimitPatches, tessellation_places
 
 __all__ = ["Guards", "Strays", "fairness", "neighbour_means"]
@@ -29,7 +29,7 @@ Bools = NDArray[np.bool_]
 
 SAME_PLACE = 0.005  # share of the diagonal within which a fold of the scan excuses a fold of the surface
 CREASE_FOLD = np.cos(np.radians(120.0))  # across a crease, where a right angle is as it should be
-SAMPLES = ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))
+HELD = 0.05  # weight in a fold from which on a control point is one of those that make it
 
 
 class Strays(NamedTuple):
@@ -47,16 +47,15 @@ class Guards:
     """Both guards for one control mesh; what depends on its connections alone is made once."""
 
     def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
-        self._scan, self._faces, self._n_control = scan, mesh.faces_of(3), mesh.n_vertices
-        n_patches = len(patches.sheets.faces)
-        patch = np.repeat(np.arange(n_patches), len(SAMPLES))
-        v, w = np.tile(np.array(SAMPLES), (n_patches, 1)).T.copy()
-        self._samples = _feet_at(patch, v, w)
+        self._scan, self._n_control = scan, mesh.n_vertices
+        self._samples = _feet_at(*sample_places(patches))
         self._to_samples = basis_rows(patches, self._samples).matrix(self._n_control)
         patch, v, w, triangles = tessellation_places(patches.sheets, 1)
         to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
         self._to_corners, self._triangles, joined = _welded(to_corners, triangles)
-        self._around = vertex_adjacency(self._faces, self._n_control)
+        ones = np.ones(len(mesh.face_corners))
+        incidence = sparse.csr_array((ones, mesh.face_corners, mesh.face_starts), shape=(mesh.n_faces, mesh.n_vertices))
+        self._around = sparse.csr_array(incidence.T @ incidence)
         table = edge_table(self._triangles)
         edge, face = table.edge_faces()
         pair = np.flatnonzero(edge[1:] == edge[:-1])
@@ -92,12 +91,12 @@ class Guards:
             middle = corners[self._ends[turned]].mean(axis=1)
             turned = turned[self._scan.fold_tree.query(middle)[0] > SAME_PLACE * self._scan.diagonal]
         folded = np.zeros(self._n_control, dtype=bool)
-        per_face = len(self._triangles) // len(self._faces)
-        folded[self._faces[np.concatenate([self._one[turned], self._two[turned]]) // per_face]] = True
+        rows = self._to_corners[np.unique(self._triangles[np.concatenate([self._one[turned], self._two[turned]])])]
+        folded[rows.indices[rows.data > HELD]] = True
         return folded
 
     def widened(self, control_points: Bools) -> Bools:
-        """(V,) these control points and their neighbours: all that the surface on the faces around them depends on."""
+        """(V,) these control points and all that share a face with one."""
         return control_points | (self._around @ control_points.astype(np.float64) > 0.0)
 
 
@@ -124,7 +123,7 @@ def fairness(mesh: ControlMesh, stiffness: Floats) -> sparse.csr_array:
 
 def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
     """(V, V) mean of the neighbours of every control point; on creases and borders of those along them."""
-    faces, n = mesh.faces_of(3), mesh.n_vertices
+    faces, n = mesh.faces_of(int(mesh.face_starts[1])), mesh.n_vertices
     table = edge_table(faces)
     creases = np.sort(mesh.crease_edges, axis=1)
     edges = table.edges

@@ -20,7 +20,7 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import edge_table, free_edges, opposite_sides, vertex_normals
 
-__all__ = ["initial_mesh"]
+__all__ = ["NoControlMesh", "initial_mesh"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,6 +9,7 @@ from recon.errors import BadOption
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy
 from recon.geometric_fit.updates import Update
 from recon.geometry.control_mesh import ControlMesh
+from recon.subdivision.limit_surface import Scheme
 
 __all__ = ["FitOptions", "FittedSurface"]
 
@@ -19,27 +20,36 @@ Floats = NDArray[np.float64]
 class FitOptions:
     """What a user may choose.
 
+    scheme          whose surface is fitted
     control_points  at most so many; None: as many as the tolerance needs, or a twentieth of the points without one
     tolerance       length that no data point may be off by; None: no limit
     update          the rule by which control points move
-    plain           all control points from the start, six rounds, no refinement and no reweighting
-    crease_angle    radians between two faces from which on an edge of the scan stays sharp; pi: nowhere
+    plain           all control points from the start, no refinement and no reweighting
+    rounds          on the last control mesh
+    crease_angle    radians between two faces from which on an edge of the scan stays sharp; pi: nowhere, as always
+                    with Doo-Sabin's scheme, where a crease cannot end inside the surface
     close           fill the holes of the scan first
+    start           control mesh to begin with, of the scheme's kind of faces; None: one is made
     robust          points far off count less, not more: for scans with outliers
     Raises  BadOption.
     """
 
+    scheme: Scheme = Scheme.LOOP
     control_points: int | None = None
     tolerance: float | None = None
     update: Update = Update.TANGENT
     plain: bool = False
+    rounds: int = 6
     crease_angle: float = np.radians(40.0)
     close: bool = False
     robust: bool = False
+    start: ControlMesh | None = None
 
     def __post_init__(self) -> None:
         if self.control_points is not None and self.control_points < 4:
             raise BadOption("--control-points", f"a closed surface needs 4, not {self.control_points}")
+        if self.rounds < 1:
+            raise BadOption("--rounds", f"must be at least 1, not {self.rounds}")
         if self.tolerance is not None and not 0 < self.tolerance < np.inf:
             raise BadOption("--tolerance", f"must be a positive length, not {self.tolerance}")
 
@@ -48,7 +58,8 @@ class FitOptions:
 class FittedSurface:
     """What was found.
 
-    mesh        the control mesh of the Loop surface
+    mesh        the control mesh of the surface
+    scheme      how it is read
     distances   (N,) of the scan's vertices from the surface, foot points exact
     errors      their norms in per cent of the diagonal
     diagonal    of the box around the scan
@@ -59,6 +70,7 @@ class FittedSurface:
     """
 
     mesh: ControlMesh
+    scheme: Scheme
     distances: Floats
     errors: Norms
     diagonal: float

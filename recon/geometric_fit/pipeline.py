@@ -20,21 +20,22 @@ from threadpoolctl import threadpool_limits
 from recon.errors import NoSurface, NotManifold
 from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
-from recon.geometric_fit.creases import with_creases
+from recon.geometric_fit.creases import n_loose_ends, with_creases
 from recon.geometric_fit.folding import stepped, unfolded
 from recon.geometric_fit.foot_points import EXACT, Feet, joined, nearest_feet, walk_feet
 from recon.geometric_fit.guards import Guards, Strays, fairness
 from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.options import FitOptions, FittedSurface
-from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
+from recon.geometric_fit.quad_mesh import initial_quads
+from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
 from recon.geometric_fit.scan_data import scan_data
 from recon.geometric_fit.updates import Pull, Updater
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import edge_table
 from recon.subdivision.evaluation import points_at
-from recon.subdivision.limit_surface import LimitPatches, limit_patches
+from recon.subdivision.limit_surface import LimitPatches, Scheme, limit_patches
 
 __all__ = ["FitOptions", "FittedSurface", "fit_surface"]
 
@@ -42,7 +43,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
-CYCLES, ROUNDS, LAST_ROUNDS = 4, 4, 6  # refinements, rounds before each, rounds after the last
+RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
+FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
+CYCLES, ROUNDS = 4, 4  # refinements, rounds before each
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
 FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the data's
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
@@ -56,7 +59,7 @@ STAGNATION = 0.01  # a cycle that lowers neither error by this share brings no m
 def fit_surface(
     scan: TriangleMesh, options: FitOptions | None = None, *, doing: Callable[[str], None] = lambda step: None
 ) -> FittedSurface:
-    """The Loop surface nearest to a scan.
+    """The subdivision surface nearest to a scan.
 
     scan     triangles of a surface, closed or open, in one piece or several
     doing    called with what happens, round by round
@@ -100,12 +103,12 @@ class _Fit:
 
     def run(self) -> FittedSurface:
         self._doing("simplifying the scan")
-        mesh = initial_mesh(self._scan.mesh, self._first_count())
-        mesh = flip_to_even_valences(with_creases(mesh, self._scan.mesh, self._options.crease_angle))
+        mesh = self._initial()
         stopped, cycle, last = None, 0, None
         while stopped is None:
-            final = self._options.plain or mesh.n_vertices >= self._limit
-            mesh, patches, feet = self._settled(mesh, cycle, LAST_ROUNDS if final else ROUNDS)
+            final = self._options.plain or mesh.n_vertices >= self._full()
+            n_rounds = self._options.rounds if final else ROUNDS
+            mesh, patches, feet = self._settled(mesh, cycle, n_rounds)
             errors = norms(self._distances(feet), self._scan.diagonal)
             stopped = self._end(errors, last, final)
             if stopped is None:
@@ -113,12 +116,42 @@ class _Fit:
                 mesh = self._refined(mesh, feet, cycle)
         return self._finished(mesh, patches, feet, stopped)
 
+    def _initial(self) -> ControlMesh:
+        """The control mesh to start from."""
+        if self._options.start is not None:
+            return self._options.start
+        if self._options.scheme is Scheme.LOOP:
+            return self._triangles(self._first_count())
+        return initial_quads(self._triangles if self._options.plain else self._fitted_triangles, self._first_count())
+
+    def _triangles(self, count: int) -> ControlMesh:
+        """The scan simplified, its sharp edges marked, valences evened out."""
+        scan = self._scan.mesh
+        angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
+        mesh = with_creases(initial_mesh(scan, count), scan, angle)
+        while n_loose_ends(mesh) > RAGGED * len(mesh.crease_edges) and count > 100 and not self._options.plain:
+            # the simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later
+            count = int(COARSER * count)
+            mesh = with_creases(initial_mesh(scan, count), scan, angle)
+        return flip_to_even_valences(mesh)
+
+    def _fitted_triangles(self, count: int) -> ControlMesh:
+        """The control mesh of a Loop surface: its points are where the error was, its valences even."""
+        angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
+        options = FitOptions(control_points=count, crease_angle=angle, robust=self._options.robust)
+        return _Fit(self._scan.mesh, options, self._doing).run().mesh
+
+    def _full(self) -> int:
+        """Control points from which on there is no room for more: triangles take one at a time, quadrilaterals four."""
+        return self._limit if self._options.scheme is Scheme.LOOP else self._limit - 3
+
     def _first_count(self) -> int:
         if self._options.plain:
             return self._limit
         if self._options.control_points is None and self._options.tolerance is not None:
             return max(min(self._scan.n_measured // 100, self._limit), 100)
-        return max(int(FIRST_SHARE * self._limit), 4)
+        share = FIRST_SHARE if self._options.scheme is Scheme.LOOP else FIRST_QUADS
+        return max(int(share * self._limit), 4)
 
     def _end(self, errors: Norms, last: Norms | None, final: bool) -> StoppedBy | None:
         tolerance = self._options.tolerance
@@ -138,7 +171,7 @@ class _Fit:
     def _settled(self, mesh: ControlMesh, cycle: int, n_rounds: int) -> tuple[ControlMesh, LimitPatches, Feet]:
         """Some rounds on one control mesh: pull, move, find the feet again."""
         scan = self._scan
-        patches = limit_patches(mesh)
+        patches = limit_patches(mesh, self._options.scheme)
         guards, borders = Guards(mesh, patches, scan), Borders(mesh, patches, scan)
         # a step is only allowed to keep what is not folded so: start without folds
         points = unfolded(mesh, guards)[0].vertices
@@ -153,7 +186,7 @@ class _Fit:
                 allowed = STRAY * float(np.sqrt(np.mean(self._distances(feet) ** 2)))
                 strays = guards.strays(points, allowed)
             pull = self._pull(patches, points, feet, (strays, borders.pull(points)))
-            pull = pull._replace(faces=mesh.faces_of(3), fairness=energy)
+            pull = pull._replace(faces=_faces(mesh), fairness=energy)
             step = stepped(guards, points, updater.moved(patches, points, pull))
             points = step.points
             if step.folding.any():
@@ -219,11 +252,21 @@ class _Fit:
             n_new = min(int((GROWTH - 1.0) * mesh.n_vertices) + 1, left)
         else:
             n_new = min(-(-left // max(CYCLES + 1 - cycle, 1)), left)
-        return flip_to_even_valences(split_faces(mesh, self._worst_faces(mesh, feet, n_new), n_new))
+        worst = self._worst_faces(mesh, feet, n_new)
+        if self._options.scheme is not Scheme.LOOP:
+            return inset_faces(mesh, worst, n_new)
+        split = split_faces(mesh, worst, n_new)
+        flipped = flip_to_even_valences(split)
+        # flips even the valences out, but may fold a surface that was smooth before
+        folds = [int(self._guards(each).folded(each.vertices).sum()) for each in (flipped, split)]
+        return flipped if folds[0] <= folds[1] else split
+
+    def _guards(self, mesh: ControlMesh) -> Guards:
+        return Guards(mesh, limit_patches(mesh, self._options.scheme), self._scan)
 
     def _worst_faces(self, mesh: ControlMesh, feet: Feet, n_new: int) -> Ints:
         distance = self._distances(feet)
-        face = feet.patch[: self._scan.n_measured] // 4
+        face = np.minimum(feet.patch[: self._scan.n_measured] // 4, mesh.n_faces - 1)
         largest, squares = np.zeros(mesh.n_faces), np.bincount(face, distance**2, mesh.n_faces)
         np.maximum.at(largest, face, distance)
         n_peaks = int(PEAK_SHARE * n_new)
@@ -233,7 +276,7 @@ class _Fit:
 
     def _finished(self, mesh: ControlMesh, patches: LimitPatches, feet: Feet, stopped: StoppedBy) -> FittedSurface:
         scan = self._scan
-        mesh, folds = unfolded(mesh, Guards(mesh, patches, scan))
+        folds = int(Guards(mesh, patches, scan).folded(mesh.vertices).sum())
         measured = scan.points[: scan.n_measured]
         points = patches.points @ mesh.vertices
         n = scan.n_measured
@@ -243,8 +286,21 @@ class _Fit:
         distances = np.minimum(*(np.linalg.norm(each.positions - measured, axis=1) for each in found))
         errors = norms(distances, scan.diagonal)
         return FittedSurface(
-            mesh, distances, errors, scan.diagonal, tuple(self._record), stopped, folds, self._n_closed
+            mesh=mesh,
+            scheme=self._options.scheme,
+            distances=distances,
+            errors=errors,
+            diagonal=scan.diagonal,
+            rounds=tuple(self._record),
+            stopped_by=stopped,
+            folds=folds,
+            n_closed=self._n_closed,
         )
+
+
+def _faces(mesh: ControlMesh) -> Ints:
+    """(F, k) the control faces, which all have as many corners."""
+    return mesh.faces_of(int(mesh.face_starts[1]))
 
 
 def _most_control_points(scan: TriangleMesh, options: FitOptions) -> int:

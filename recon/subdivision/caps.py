@@ -254,8 +254,8 @@ def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, i
     nets, off = np.empty((len(irregular), 6, 6, 3)), np.zeros(len(irregular))
     for (kind, n, angle), clusters in groups.items():
         rows = np.array(clusters)
-        for first in range(0, len(rows), AT_ONCE):
-            some = rows[first : first + AT_ONCE]
+        for begin in range(0, len(rows), AT_ONCE):
+            some = rows[begin : begin + AT_ONCE]
             nets[some.ravel()], off[some.ravel()] = solved_fans(
                 cap_table(kind, n, angle), outer[some], sample_places(), (arrays, points, irregular[some])
             )

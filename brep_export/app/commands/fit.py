@@ -63,13 +63,22 @@ def fit(
         str | None, typer.Option(help="Largest error: a length, or a share of the diagonal as 0.1%.")
     ] = None,
     update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
-    plain: Annotated[bool, typer.Option(help="All control points at once, six rounds, no refinement.")] = False,
     control_mesh: Annotated[
         Path | None, typer.Option(help="Fit nothing: the limit surface of this OBJ mesh of quads, triangles or both.")
     ] = None,
     angle: Annotated[
         float, typer.Option(help="Degrees by which tangent planes may differ along smooth edges.", min=1e-9)
     ] = 0.1,
+    plain: Annotated[bool, typer.Option(help="All control points at once, no refinement.")] = False,
+    rounds: Annotated[int, typer.Option(help="Rounds on the last control mesh.", min=1)] = 6,
+    crease_angle: Annotated[
+        float,
+        typer.Option(help="Degrees between two faces from which on an edge stays sharp; 180: none.", min=1, max=180),
+    ] = 40.0,
+    close: Annotated[bool, typer.Option("--close", help="Fill the holes of the scan first.")] = False,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Points far off count less: for scans with outliers.")
+    ] = False,
     unit: UnitOfScans = None,
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,
