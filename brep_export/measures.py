@@ -77,6 +77,8 @@ def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3) -> ShapeMeasur
         volumes, area, centre, box = _of_splines(faces, known, solid=bool(solids))
     else:
         volumes, area, centre = _of_any(shape, solids, relative_error)
+        if known:  # by the same rule before and after a file that left some faces whole
+            area = sum(_area(face, surface) for face, surface in zip(faces, surfaces))
         box = _bounding_box(shape)
     return ShapeMeasures(
         kind_of(shape),
@@ -101,6 +103,14 @@ def _of_any(
     centre = (of_volume if solids else of_area).CentreOfMass()
     apex = (centre.X(), centre.Y(), centre.Z())
     return tuple(_volume(solid, relative_error, apex) for solid in solids), float(of_area.Mass()), apex
+
+
+def _area(face: TopoDS_Face, surface: BSplineSurface | None) -> float:
+    if surface is not None:
+        return surface_moments(surface).area
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(face, properties)
+    return float(properties.Mass())
 
 
 def _of_splines(

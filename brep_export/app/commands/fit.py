@@ -56,7 +56,10 @@ def fit(
         typer.Option("-o", "--output", help=f"File to write: .obj control mesh, or {' '.join(ENDINGS)}. Repeatable."),
     ] = None,
     surface: Annotated[
-        Surface | None, typer.Option(help="Scheme of the surface; by its faces for a control mesh, loop for a scan.")
+        Surface | None,
+        typer.Option(
+            help="Scheme of the surface; by its faces for a control mesh; quads in rows for a solid of a scan."
+        ),
     ] = None,
     control_points: Annotated[int | None, typer.Option(help="At most so many control points.", min=4)] = None,
     tolerance: Annotated[
@@ -96,6 +99,4 @@ def fit(
         raise typer.BadParameter("name a SCAN, or a control mesh by --control-mesh, and not both")
     if control_mesh is not None:
         options["inputs"] = control_mesh
-    elif surface is None:
-        options["surface"] = Surface.LOOP
     answer("fit", JOB if control_mesh is None else CONVERSION, options, more_endings=(".obj",))
