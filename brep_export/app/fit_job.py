@@ -29,7 +29,7 @@ __all__ = ["fit", "tolerance_length"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
-QUAD_SHARE, MOST_QUADS = 6, 6500  # quadrilaterals of a solid, where nobody asks: a sixth of the points, but no more
+QUAD_SHARE, MOST_QUADS = 5, 6500  # quadrilaterals of a solid, where nobody asks: a fifth of the points, but no more
 DOUBLINGS = 4
 
 
