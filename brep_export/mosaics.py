@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.Geom import Geom_Surface
 from OCP.GeomAbs import GeomAbs_Shape
-from OCP.TopoDS import TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
 from scipy import sparse
 from scipy.sparse import csgraph
 
@@ -20,6 +21,7 @@ from brep_export.faces import (
     FORWARD,
     REVERSED,
     cover_gap,
+    make_degenerate_edge,
     make_edge,
     make_face,
     make_vertex,
@@ -146,13 +148,24 @@ def _faces(mosaic: PatchMosaic, surfaces: list[Geom_Surface], edges: list[TopoDS
     forward = mosaic.side_forward.tolist()
     faces = []
     for p, surface in enumerate(surfaces):
-        wire = []
+        wire: list[TopoDS_Shape] = []
         for side in range(4):
             row = range(starts[4 * p + side], starts[4 * p + side + 1])
+            if not row:
+                wire.append(_collapsed_side(mosaic.patches[p], side, surface, wire[-1]))
             for k in row if side < 2 else reversed(row):
                 wire.append(edges[side_edges[k]].Oriented(FORWARD if forward[k] == (side < 2) else REVERSED))
         faces.append(make_face(surface, [make_wire(wire)]))
     return faces
+
+
+def _collapsed_side(patch: BSplineSurface, side: int, surface: Geom_Surface, before: TopoDS_Shape) -> TopoDS_Shape:
+    """The edge of a side that is a point: the one where the wire has come to."""
+    vertex = TopExp.LastVertex_s(TopoDS.Edge_s(before), True)
+    domain = patch.domain[side % 2]
+    pcurve = straight_pcurve(_on_side(patch, side, domain[0]), _on_side(patch, side, domain[1]), domain)
+    edge = make_degenerate_edge(pcurve, surface, domain, TopoDS.Vertex_s(vertex.Oriented(FORWARD)))
+    return edge.Oriented(FORWARD if side < 2 else REVERSED)
 
 
 def _parts(mosaic: PatchMosaic, uses: list[list[_Use]]) -> tuple[Ints, NDArray[np.bool_]]:

@@ -1,49 +1,48 @@
 """The job behind `recon fit`: a scan to a subdivision surface: its control mesh and, if asked for, a kernel shape."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.lengths import tolerance_length
+from brep_export.app.limit_shape import limit_shape
 from brep_export.app.result import result, statistics
 from brep_export.app.workshop import Bench, Exit
-from brep_export.check import CheckReport, ShapeKind
+from brep_export.check import CheckReport
 from brep_export.control_mesh_files import CONTROL_MESH_ENDINGS, write_control_mesh
-from brep_export.shells import network_shell
-from brep_export.solids import network_solid
 from brep_export.staging import staged
-from recon.errors import BadOption
+from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.pipeline import FitOptions, FittedSurface, fit_surface
+from recon.geometric_fit.quad_remesh import remeshed_quads
 from recon.geometric_fit.updates import Update
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.readers.meshes import read_mesh
-from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate
-from recon.subdivision.patch_network import limit_network
-from recon.tolerance import Tolerance
+from recon.subdivision.limit_surface import Scheme, tessellate
 
 __all__ = ["fit"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
-MERGE, FIT = 1e-7, 1e-4  # tolerances of the kernel shape, as shares of the diagonal
+QUAD_SHARE, MOST_QUADS = 5, 6500  # quadrilaterals of a solid, where nobody asks: a fifth of the points, but no more
+DOUBLINGS = 4
 
 
 def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the scan, fit, prove the kernel shape where one is asked for, write."""
     nets = [path for path in request["outputs"] if Path(path).suffix.lower() in CONTROL_MESH_ENDINGS]
     others = [path for path in request["outputs"] if path not in nets]
-    if others and request["surface"] != Scheme.LOOP:
-        raise BadOption("--output", f"a {request['surface']} surface is written as its control mesh (.obj) so far")
     with bench.phase("read", "reading the scan"):
         file = read_mesh(request["inputs"][0], unit=request["unit"])
     for note in file.notes:
         bench.note(f"{request['inputs'][0]}: {note}")
+    remeshed = request["surface"] is None and bool(others)
+    request = {**request, "surface": request["surface"] or ("catmull-clark" if remeshed else "loop")}
     options = FitOptions(
         scheme=Scheme(request["surface"]),
         control_points=request["control_points"],
@@ -56,7 +55,8 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
         robust=request["robust"],
     )
     with bench.phase("reconstruct", "fitting the surface"):
-        fitted = fit_surface(file.mesh, options, doing=bench.doing)
+        fit = _fitted_quads if remeshed else fit_surface
+        fitted = fit(file.mesh, options, doing=bench.doing)
     if fitted.n_closed:
         bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.")
     if fitted.folds:
@@ -81,30 +81,36 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
 
 
+def _fitted_quads(scan: TriangleMesh, options: FitOptions, *, doing: Callable[[str], None]) -> FittedSurface:
+    """The fit that makes the best solid: quadrilaterals in rows, moved to the scan, none added where they stand.
+
+    Twice as many are taken, a few times at most, where the tolerance asks for more.
+    """
+    whole, _ = close_holes(scan) if options.close else (scan, 0)
+    count = options.control_points or min(max(scan.n_vertices // QUAD_SHARE, 200), MOST_QUADS)
+    for _ in range(DOUBLINGS):
+        doing(f"laying about {count} quadrilaterals over the scan")
+        start = remeshed_quads(whole, count)
+        chosen = replace(options, start=start, plain=True, control_points=start.n_vertices)
+        fitted = fit_surface(scan, chosen, doing=doing)
+        reached = options.tolerance is None or float(fitted.distances.max()) <= options.tolerance
+        if reached or options.control_points is not None or 2 * count > scan.n_vertices:
+            break
+        count *= 2
+    return fitted
+
+
 def _shape_written(
     scan: TriangleMesh, fitted: FittedSurface, request: Mapping[str, Any], bench: Bench
 ) -> tuple[dict[str, Any], tuple[str, ...], list[str]]:
     """Figures of the kernel shape, the reasons against it, and the files written; no shape where none is asked for."""
     if not request["outputs"]:
         return {}, (), _picture_alone(scan, fitted, request, bench)
-    tolerance = Tolerance(merge=MERGE * fitted.diagonal, fit=FIT * fitted.diagonal)
-    with bench.phase("brep", "building the shape"):
-        shape, kind = _kernel_shape(fitted, tolerance, bench)
-    report: CheckReport = gate(shape, tolerance, kind, bench)
+    made = limit_shape(fitted.mesh, fitted.scheme, request["angle"], bench)
+    report: CheckReport = gate(made.shape, made.tolerance, made.kind, bench)
     named = {**request, "name": request["name"] or "fitted surface"}
-    report, written = write_files(shape, report, named, bench, paint=partial(_paint, scan, fitted))
+    report, written = write_files(made.shape, report, named, bench, paint=partial(_paint, scan, fitted))
     return report.as_json(), tuple(str(defect) for defect in report.defects), written
-
-
-def _kernel_shape(fitted: FittedSurface, tolerance: Tolerance, bench: Bench) -> tuple[TopoDS_Shape, ShapeKind]:
-    patches = limit_patches(fitted.mesh)
-    network, misfit = limit_network(fitted.mesh, patches)
-    bench.note(
-        f"patches at irregular vertices are off the limit surface by at most {misfit:.3g}; all others are exact."
-    )
-    if (patches.sheets.across >= 0).all():
-        return network_solid(network, tolerance), ShapeKind.SOLID
-    return network_shell(network, tolerance), ShapeKind.SHELL
 
 
 def _picture_alone(scan: TriangleMesh, fitted: FittedSurface, request: Mapping[str, Any], bench: Bench) -> list[str]:

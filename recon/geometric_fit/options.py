@@ -29,6 +29,7 @@ class FitOptions:
     crease_angle    radians between two faces from which on an edge of the scan stays sharp; pi: nowhere, as always
                     with Doo-Sabin's scheme, where a crease cannot end inside the surface
     close           fill the holes of the scan first
+    start           control mesh to begin with, of the scheme's kind of faces; None: one is made
     robust          points far off count less, not more: for scans with outliers
     Raises  BadOption.
     """
@@ -42,6 +43,7 @@ class FitOptions:
     crease_angle: float = np.radians(40.0)
     close: bool = False
     robust: bool = False
+    start: ControlMesh | None = None
 
     def __post_init__(self) -> None:
         if self.control_points is not None and self.control_points < 4:

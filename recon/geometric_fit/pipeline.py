@@ -118,6 +118,8 @@ class _Fit:
 
     def _initial(self) -> ControlMesh:
         """The control mesh to start from."""
+        if self._options.start is not None:
+            return self._options.start
         if self._options.scheme is Scheme.LOOP:
             return self._triangles(self._first_count())
         return initial_quads(self._triangles if self._options.plain else self._fitted_triangles, self._first_count())

@@ -21,7 +21,7 @@ from recon.geometric_fit.initial_mesh import NoControlMesh
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
 
-__all__ = ["initial_quads", "paired"]
+__all__ = ["initial_quads", "paired", "without_doublets"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,7 +38,7 @@ def initial_quads(triangles: Callable[[int], ControlMesh], n_vertices: int) -> C
     mesh = triangles(n_vertices)
     quads, left = paired(mesh)
     if len(left) == 0:
-        return _without_doublets(mesh, quads)
+        return without_doublets(mesh, quads)
     count = n_vertices // 4
     while count >= 4:
         mesh = triangles(count)
@@ -183,7 +183,7 @@ class _Search:
             face = self._parent[child]
 
 
-def _without_doublets(mesh: ControlMesh, quads: Ints) -> ControlMesh:
+def without_doublets(mesh: ControlMesh, quads: Ints) -> ControlMesh:
     """Two quadrilaterals around one vertex become one; then all that is left, renumbered."""
     held = np.union1d(mesh.crease_edges, mesh.corner_vertices)
     while True:

@@ -100,7 +100,8 @@ class PatchMosaic:
     edge_curves     E curves, each running from its start vertex to its end vertex
     edge_vertices   (E, 2) those vertices
     smooth_edges    (E,) whether the tangent planes of both patches are to agree along the edge
-    side_starts     (4 P + 1,) where the row of each side begins: side s of patch p is row 4 p + s
+    side_starts     (4 P + 1,) where the row of each side begins: side s of patch p is row 4 p + s; an empty row is a
+                    side collapsed to a point
     side_edges      (K,) edges along the sides, in the sides' own direction
     side_forward    (K,) whether the edge runs in that direction
     side_ranges     (K, 2) parameters of the side at the edge's start and end
@@ -135,13 +136,14 @@ class PatchMosaic:
     def _check_sides(self) -> None:
         if self.side_edges.max(initial=-1) >= len(self.edge_curves) or self.side_edges.min(initial=0) < 0:
             raise BadGeometry("patch mosaic", "a side names an edge that does not exist")
-        if self.side_starts[-1] != len(self.side_edges) or (np.diff(self.side_starts) < 1).any():
-            raise BadGeometry("patch mosaic", "side_starts does not give every side an edge")
+        if self.side_starts[-1] != len(self.side_edges) or (np.diff(self.side_starts) < 0).any():
+            raise BadGeometry("patch mosaic", "side_starts does not divide side_edges into sides")
         ends = self.edge_vertices[self.side_edges]
         begin = np.where(self.side_forward, ends[:, 0], ends[:, 1])
         last = np.where(self.side_forward, ends[:, 1], ends[:, 0])
         follows = np.ones(max(len(begin) - 1, 0), dtype=bool)
-        follows[self.side_starts[1:-1] - 1] = False
+        inner = self.side_starts[(self.side_starts > 0) & (self.side_starts < len(begin))]
+        follows[inner - 1] = False
         broken = follows & (last[:-1] != begin[1:])
         if broken.any():
             side = int(np.searchsorted(self.side_starts, np.argmax(broken), side="right")) - 1

@@ -10,9 +10,12 @@
       '-------o-------'
             spoke 0                 theta: 2 pi / n around a vertex, pi / n at a border, and at a corner the angle
 
-The other poles are the constrained least-squares fit to points of the limit surface; a few rounds replace each point by
-its projection on the surface's normal, so that the patches lie on the surface and not on its parametrisation. The
-matrices depend on the kind of vertex and the number of its faces alone: one table each, kept.
+The other poles are the constrained least-squares fit to points of the limit surface. Its matrices depend on the kind of
+vertex and the number of its faces alone: one table each, kept. The fit follows the surface's parametrisation, which
+no patch can; so rounds of Gauss-Newton steps then lower the distance along the surface's normals alone, by moves that
+leave the conditions as they are (columns of `ways`), with a little damping of moves along the surface:
+
+    sum of (n_s . (S_s - L_s))^2 + DAMPING^2 |moves|^2,   L_s the foot of sample s, n_s the normal there
 
 K  quads around the vertex · poles are numbered 36 i + 6 a + b, equal ones once · samples (SAMPLES^2) a patch
 
@@ -29,14 +32,17 @@ from numpy.typing import NDArray
 from recon.subdivision.evaluation import PatchArrays, points_at
 from recon.subdivision.sheets import Sheets, VertexKind
 
-__all__ = ["Caps", "cap_nets", "fans"]
+__all__ = ["CapTable", "Caps", "cap_nets", "corner_angle", "fans", "finished_table", "solved_fans", "spoke_angle"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 DEGREE = 5
 SAMPLES = 8
-ROUNDS = 4
+ROUNDS = 3
+STEPS = 2  # toward the feet of the samples, a round
+DAMPING = 0.03
+AT_ONCE = 48  # vertices, which bounds the memory
 ANGLE_STEPS = 24  # a corner's angle is rounded to so many parts of a half turn
 CURVES = 6.0  # weight of samples on the spokes
 
@@ -46,6 +52,7 @@ class CapTable(NamedTuple):
 
     from_known    (U, K') unknown poles over the given ones
     from_samples  (U, S) and over the samples
+    ways          (U, q) moves of the unknown poles that no condition feels
     spread        (36 K, U + K') all poles over the unknown and then the given ones
     known         (K',) a pole 36 i + 6 a + b for each given one
     basis         (S, 36 K) samples over all poles
@@ -53,6 +60,7 @@ class CapTable(NamedTuple):
 
     from_known: Floats
     from_samples: Floats
+    ways: Floats
     spread: Floats
     known: Ints
     basis: Floats
@@ -92,6 +100,12 @@ def _numbers(n: int, closed: bool) -> Ints:
     return np.unique(poles.ravel(), return_inverse=True)[1]
 
 
+def spoke_angle(kind: VertexKind, n: int, angle: int) -> float:
+    """The angle theta between neighbouring spokes, in the plane of which the tangent plane is an affine image."""
+    turn = {VertexKind.SMOOTH: 2 * np.pi, VertexKind.DART: 2 * np.pi, VertexKind.BORDER: np.pi}
+    return float(turn.get(kind, np.pi * angle / ANGLE_STEPS) / n)
+
+
 @cache
 def cap_table(kind: VertexKind, n: int, angle: int) -> CapTable:
     """The table of a vertex with n quads; angle, in parts of a half turn, matters at a corner only."""
@@ -102,32 +116,41 @@ def cap_table(kind: VertexKind, n: int, angle: int) -> CapTable:
     given[:, 4:, :] = given[:, :, 4:] = True
     if not closed:
         given[0, :, 0] = given[n - 1, 0, :] = True
-    is_known = np.zeros(size, dtype=bool)
-    is_known[numbers[given.ravel()]] = True
-    theta = {VertexKind.SMOOTH: 2 * np.pi / n, VertexKind.DART: 2 * np.pi / n, VertexKind.BORDER: np.pi / n}.get(
-        kind, np.pi * angle / ANGLE_STEPS / n
-    )
+    theta = spoke_angle(kind, n, angle)
     spokes = range(n) if kind == VertexKind.SMOOTH else range(1, n)
-    rows = np.concatenate([_spoke_rows(n, i, theta, numbers, size) for i in spokes]) if n > 1 or closed else None
-    constraints = np.zeros((0, size)) if rows is None else rows
+    constraints = np.zeros((0, size))
+    if len(spokes):
+        constraints = np.concatenate([_spoke_rows(n, i, theta, numbers, size) for i in spokes])
     u, v = sample_places()
-    one = _surface_basis(u, v)
-    all_poles = np.zeros((36 * n, size))
-    all_poles[np.arange(36 * n), numbers] = 1.0
-    basis = np.zeros((n * len(u), 36 * n))
-    for i in range(n):
-        basis[i * len(u) : (i + 1) * len(u), 36 * i : 36 * i + 36] = one
-    weights = np.tile(np.where(u * v == 0.0, np.sqrt(CURVES), 1.0), n)
-    from_known, from_samples = _solved(constraints, weights[:, None] * (basis @ all_poles), is_known)
+    return finished_table(constraints, (_surface_basis(u, v), u * v == 0.0), numbers, given)
+
+
+def finished_table(
+    constraints: Floats, samples: tuple[Floats, NDArray[np.bool_]], numbers: Ints, given: NDArray[np.bool_]
+) -> CapTable:
+    """The table from the conditions (C, size), the samples of one patch over its poles and which lie on spokes.
+
+    numbers  the number of every pole; given  (n, ...) which poles are given
+    """
+    one, on_spoke = samples
+    n, size, n_poles = len(given), int(numbers.max()) + 1, one.shape[1]
+    flags = given.ravel()
+    is_known = np.zeros(size, dtype=bool)
+    is_known[numbers[flags]] = True
+    all_poles = np.zeros((n_poles * n, size))
+    all_poles[np.arange(n_poles * n), numbers] = 1.0
+    basis: Floats = np.kron(np.eye(n), one).astype(np.float64)
+    weights = np.tile(np.where(on_spoke, np.sqrt(CURVES), 1.0), n)
+    from_known, from_samples, ways = _solved(constraints, weights[:, None] * (basis @ all_poles), is_known)
     unknown, known = np.flatnonzero(~is_known), np.flatnonzero(is_known)
-    first = np.full(size, 36 * n)
-    np.minimum.at(first, numbers[given.ravel()], np.flatnonzero(given.ravel()))
+    first = np.full(size, n_poles * n)
+    np.minimum.at(first, numbers[flags], np.flatnonzero(flags))
     spread = all_poles[:, np.concatenate([unknown, known])]
-    return CapTable(from_known, from_samples * weights, spread, first[known], basis)
+    return CapTable(from_known, from_samples * weights, ways, spread, first[known], basis)
 
 
-def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Least squares under constraints, as matrices on the given poles and on the (weighted) samples."""
+def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
+    """Least squares under constraints, as matrices on the given poles and on the (weighted) samples; the free moves."""
     a_free, a_given = constraints[:, ~is_known], constraints[:, is_known]
     s_free, s_given = samples[:, ~is_known], samples[:, is_known]
     n_free = a_free.shape[1]
@@ -139,7 +162,7 @@ def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -
     else:
         ways, particular = np.eye(n_free), np.zeros((n_free, a_given.shape[1]))
     fit = ways @ np.linalg.pinv(s_free @ ways, rcond=1e-12)
-    return particular - fit @ (s_given + s_free @ particular), fit
+    return particular - fit @ (s_given + s_free @ particular), fit, ways
 
 
 def _spoke_rows(n: int, i: int, theta: float, numbers: Ints, size: int) -> Floats:
@@ -167,19 +190,19 @@ def _spoke_rows(n: int, i: int, theta: float, numbers: Ints, size: int) -> Float
 
 def fans(sheets: Sheets, corners: Ints) -> list[Ints]:
     """The faces around the start of each side, counter-clockwise, from the border where there is one."""
-    across = sheets.across.ravel()
+    k, across = sheets.across.shape[1], sheets.across.ravel()
     found = []
     for side in corners.tolist():
         first = side
         while across[first] >= 0:  # clockwise to the border, or all around
             other = int(across[first])
-            first = other - other % 4 + (other + 1) % 4
+            first = other - other % k + (other + 1) % k
             if first == side:
                 break
         row, at = [], first
         while True:
-            row.append(at // 4)
-            back = int(across[at - at % 4 + (at + 3) % 4])
+            row.append(at // k)
+            back = int(across[at - at % k + (at + k - 1) % k])
             if back < 0 or back == first:
                 break
             at = back
@@ -187,39 +210,55 @@ def fans(sheets: Sheets, corners: Ints) -> list[Ints]:
     return found
 
 
-ELEVATED = np.array(
-    [[1, 0, 0, 0], [0.4, 0.6, 0, 0], [0.1, 0.6, 0.3, 0], [0, 0.3, 0.6, 0.1], [0, 0, 0.6, 0.4], [0, 0, 0, 1]]
-)  # a cubic's Bezier points as those of degree five
-TO_BEZIER = np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6.0  # of a uniform B-spline's span
-QUINTIC = ELEVATED @ TO_BEZIER
+def _elevated(degree: int) -> Floats:
+    """(6, degree + 1) Bezier points of degree five over those of a lower degree."""
+    rows = np.zeros((DEGREE + 1, degree + 1))
+    for a in range(DEGREE + 1):
+        for i in range(max(0, a - DEGREE + degree), min(degree, a) + 1):
+            rows[a, i] = comb(degree, i) * comb(DEGREE - degree, a - i) / comb(DEGREE, a)
+    return rows
+
+
+# Bezier points of degree five over the control points of a uniform B-spline's span, by the number of these
+QUINTIC = {
+    3: _elevated(2) @ np.array([[1, 1, 0], [0, 2, 0], [0, 1, 1]]) / 2.0,
+    4: _elevated(3) @ np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6.0,
+}
 
 
 def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, irregular: Ints) -> Caps:
     """Caps of all irregular faces.
 
     arrays, points  what the limit surface is evaluated with: a patch a face
-    rings           (M, 16) points of the grid around each irregular face; entry 0 is not used
+    rings           (M, 16) or, of a bi-quadratic surface, (M, 9) points of the grid around each irregular face, row by
+                    row; entry 0 is not used
     irregular       (M,) those faces; corner 0 is the irregular one
     """
     place = np.full(len(sheets.faces), -1)
     place[irregular] = np.arange(len(irregular))
     vertices, first = np.unique(sheets.faces[irregular, 0], return_index=True)
     around = fans(sheets, 4 * irregular[first])
-    grids = points[rings].reshape(-1, 4, 4, 3).transpose(0, 2, 1, 3)  # [i along u, j along v]
-    outer = np.einsum("ai,bj,mijx->mabx", QUINTIC, QUINTIC, grids)
+    size = round(rings.shape[1] ** 0.5)
+    grids = points[rings].reshape(-1, size, size, 3).transpose(0, 2, 1, 3)  # [i along u, j along v]
+    outer = np.einsum("ai,bj,mijx->mabx", QUINTIC[size], QUINTIC[size], grids)
     groups: dict[tuple[VertexKind, int, int], list[Ints]] = {}
     for vertex, fan in zip(vertices.tolist(), around):
         kind = VertexKind(sheets.kinds[vertex])
         rows = place[fan]
         _border_curves(kind, grids[rows], outer, rows)
-        angle = _corner_angle(outer[rows], kind)
+        angle = 0
+        if kind == VertexKind.CORNER:
+            apex, inner = outer[rows[0], 0, 0], outer[rows, 5, 5]
+            angle = corner_angle(outer[rows[0], 1, 0] - apex, outer[rows[-1], 0, 1] - apex, inner.mean(axis=0) - apex)
         groups.setdefault((kind, len(fan), angle), []).append(rows)
     nets, off = np.empty((len(irregular), 6, 6, 3)), np.zeros(len(irregular))
     for (kind, n, angle), clusters in groups.items():
         rows = np.array(clusters)
-        nets[rows.ravel()], off[rows.ravel()] = _solved_fans(
-            cap_table(kind, n, angle), outer[rows], (arrays, points, irregular[rows])
-        )
+        for begin in range(0, len(rows), AT_ONCE):
+            some = rows[begin : begin + AT_ONCE]
+            nets[some.ravel()], off[some.ravel()] = solved_fans(
+                cap_table(kind, n, angle), outer[some], sample_places(), (arrays, points, irregular[some])
+            )
     return Caps(irregular, nets, off)
 
 
@@ -233,50 +272,70 @@ def _border_curves(kind: VertexKind, grids: Floats, outer: Floats, rows: Ints) -
         first[0], last[0] = 2 * centre - first[2], 2 * centre - last[2]
     else:
         first[0], last[0] = last[2].copy(), first[2].copy()
-    outer[rows[0], :, 0], outer[rows[-1], 0, :] = QUINTIC @ first, QUINTIC @ last
+    outer[rows[0], :, 0], outer[rows[-1], 0, :] = QUINTIC[4] @ first, QUINTIC[4] @ last
 
 
-def _corner_angle(poles: Floats, kind: VertexKind) -> int:
-    """The angle at a corner between its borders, through the surface, in parts of a half turn; 0 elsewhere."""
-    if kind != VertexKind.CORNER or len(poles) == 1:
-        return 0
-    apex = poles[0, 0, 0]
-    one, two = poles[0, 1, 0] - apex, poles[-1, 0, 1] - apex
-    # a direction into the fan: the far corners of its quads
-    inward = poles[:, 5, 5].mean(axis=0) - apex
-    cosine = one @ two / max(np.linalg.norm(one) * np.linalg.norm(two), 1e-300)
-    angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    middle = one / np.linalg.norm(one) + two / np.linalg.norm(two)
-    if middle @ inward < 0.0:
+def corner_angle(one: Floats, two: Floats, inward: Floats) -> int:
+    """The angle at a corner between its borders, through the surface, in parts of a half turn.
+
+    one, two  (3,) along the borders; inward (3,) into the surface
+    """
+    first, second = (x / max(float(np.linalg.norm(x)), 1e-300) for x in (one, two))
+    angle = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
+    if (first + second) @ inward < 0.0:
         angle = 2 * np.pi - angle
     parts = round(angle / np.pi * ANGLE_STEPS)
-    straight = parts % ANGLE_STEPS == 0
-    return int(np.clip(parts - 1 if straight and parts else parts, 1, 2 * ANGLE_STEPS - 1))
+    if parts == ANGLE_STEPS:  # borders in one line span no plane; near it they do
+        parts += 1 if angle > np.pi else -1
+    return int(np.clip(parts, 1, 2 * ANGLE_STEPS - 1))
 
 
-def _solved_fans(table: CapTable, outer: Floats, surface: tuple[PatchArrays, Floats, Ints]) -> tuple[Floats, Floats]:
-    """(M n, 6, 6, 3) poles of M fans of n patches and (M n,) largest distance of a sample from the surface."""
+def solved_fans(
+    table: CapTable, outer: Floats, places: tuple[Floats, Floats], surface: tuple[PatchArrays, Floats, Ints]
+) -> tuple[Floats, Floats]:
+    """Poles of M fans of n patches, and (M n,) the largest distance of a sample of each patch from the surface.
+
+    outer    (M, n, ..., 3) poles of which the known ones are given; those that come back (M n, ..., 3) are like it
+    places   of the samples in a patch
+    surface  the limit surface: patches, their points, and (M, n) the patch under each cap
+    """
     arrays, points, faces = surface
     m, n = faces.shape
-    known = outer.reshape(m, n * 36, 3)[:, table.known]
-    u, v = sample_places()
+    u, v = places
+    known = outer.reshape(m, -1, 3)[:, table.known]
     patch = np.repeat(faces.ravel(), len(u))
     place = np.tile(u, m * n), np.tile(v, m * n)
     limit = points_at(arrays, points, patch, *place, 3).reshape(m, n * len(u), 3, 3)
-    target = limit[:, :, 0]
-    for _ in range(ROUNDS):
-        free = np.einsum("uk,mkx->mux", table.from_known, known) + np.einsum("us,msx->mux", table.from_samples, target)
-        poles = np.einsum("pa,max->mpx", table.spread, np.concatenate([free, known], axis=1))
-        drawn = np.einsum("sp,mpx->msx", table.basis, poles)
-        target, place, limit = _projected(arrays, points, patch, place, limit, drawn)
-    distance = np.linalg.norm(target - drawn, axis=2).reshape(m * n, len(u)).max(axis=1)
-    return poles.reshape(m * n, 6, 6, 3), distance
+    free = table.from_known @ known + table.from_samples @ limit[:, :, 0]
+    poles = table.spread @ np.concatenate([free, known], axis=1)
+    ways = table.spread[:, : len(table.ways)] @ table.ways
+    reach = table.basis @ ways
+    for turn in range(ROUNDS + 1):
+        drawn = table.basis @ poles
+        for _ in range(STEPS):
+            place, limit = _nearer(arrays, points, patch, place, limit, drawn)
+        normal = np.cross(limit[:, :, 1], limit[:, :, 2])
+        length = np.linalg.norm(normal, axis=2, keepdims=True)
+        normal /= np.where(length > 0.0, length, 1.0)
+        off = np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal)
+        if turn < ROUNDS:
+            poles = poles + ways @ _moves(reach, normal, off)
+    return poles.reshape(m * n, *outer.shape[2:]), np.abs(off).reshape(m * n, len(u)).max(axis=1)
 
 
-def _projected(
+def _moves(reach: Floats, normal: Floats, off: Floats) -> Floats:
+    """(M, q, 3) moves that bring the samples nearer along the normals, a Gauss-Newton step for each vertex."""
+    m, q = len(normal), reach.shape[1]
+    rows = (reach[:, :, None] * normal[:, :, None, :]).reshape(m, len(reach), 3 * q)
+    square = rows.transpose(0, 2, 1) @ rows
+    square += DAMPING**2 * np.kron(reach.T @ reach, np.eye(3))
+    return np.asarray(np.linalg.solve(square, rows.transpose(0, 2, 1) @ off[:, :, None]).reshape(m, q, 3))
+
+
+def _nearer(
     arrays: PatchArrays, points: Floats, patch: Ints, place: tuple[Floats, Floats], limit: Floats, drawn: Floats
-) -> tuple[Floats, tuple[Floats, Floats], Floats]:
-    """The points of the limit surface's tangent planes under the drawn ones; the places nearer to their feet."""
+) -> tuple[tuple[Floats, Floats], Floats]:
+    """Places one step nearer to the feet of the drawn points, and the limit surface there; the vertex stays."""
     flat = limit.reshape(-1, 3, 3)
     away = drawn.reshape(-1, 3) - flat[:, 0]
     a, b = flat[:, 1], flat[:, 2]
@@ -287,13 +346,13 @@ def _projected(
     step = np.stack([(bb * ga - ab * gb) / safe, (aa * gb - ab * ga) / safe])
     size = np.abs(step).max(axis=0)
     step *= np.where(size > 0.2, 0.2 / np.where(size > 0, size, 1.0), 1.0)
-    moving = (place[0] > 0) | (place[1] > 0)  # the vertex itself stays
-    u = np.clip(place[0] + moving * step[0], 0.0, 1.0)
-    v = np.clip(place[1] + moving * step[1], 0.0, 1.0)
-    at = points_at(arrays, points, patch, u, v, 3)
-    normal = np.cross(at[:, 1], at[:, 2])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = normal / np.where(length > 0, length, 1.0)
-    off = np.einsum("kx,kx->k", at[:, 0] - drawn.reshape(-1, 3), normal)
-    target = drawn + (off[:, None] * normal).reshape(drawn.shape)
-    return target, (u, v), at.reshape(limit.shape)
+    moving = (place[0] > 0) | (place[1] > 0)
+    u, v = place[0] + moving * step[0], place[1] + moving * step[1]
+    if arrays.across.shape[1] == 3:
+        over = np.maximum(u + v - 1.0, 0.0) / 2.0
+        u, v = u - over, v - over
+    u, v = np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0)
+    if arrays.across.shape[1] == 3:
+        total = np.maximum(u + v, 1.0)
+        u, v = u / total, v / total
+    return (u, v), points_at(arrays, points, patch, u, v, 3).reshape(limit.shape)

@@ -25,7 +25,7 @@ from recon.subdivision.evaluation import MAX_SUPPORT, PatchArrays
 from recon.subdivision.limit_tables import CornerTable, nested_levels, table_arrays
 from recon.subdivision.sheets import Refinement, Sheets, VertexKind
 
-__all__ = ["corner_weights", "doo_sabin_patches", "face_table"]
+__all__ = ["completed", "corner_weights", "doo_sabin_patches", "dual_patches", "face_table", "face_points"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -42,25 +42,34 @@ def corner_weights(n: int) -> Floats:
 def doo_sabin_patches(sheets: Sheets) -> tuple[PatchArrays, sparse.csr_array, Sheets]:
     """Patches of the surface, the matrix (R, W) that makes their points, and the patches as faces of a mesh.
 
-    Raises  BadGeometry when a crease ends inside a face of the surface, or a vertex has too many faces.
+    Raises  BadGeometry when a crease ends inside the surface, or a vertex has too many faces.
     """
-    if (sheets.kinds == VertexKind.DART).any():
-        raise BadGeometry("control mesh", "a crease that ends inside the surface has no meaning in Doo-Sabin's scheme")
-    whole = _completed(sheets)
+    whole = completed(sheets)
+    split = split_faces(whole.sheets)
+    kept = np.flatnonzero(whole.sheets.faces.ravel() < len(sheets.kinds))
+    arrays = dual_patches(split, kept)[0]
+    return arrays, face_points(whole), Sheets(split.faces[kept], arrays.across, split.kinds)
+
+
+def face_points(whole: Refinement) -> sparse.csr_array:
+    """(4 F, W) refined points of all faces of a completed mesh over the points before it was completed."""
     n = len(whole.sheets.faces)
     rows = np.repeat(np.arange(4 * n), 4)
     columns = np.repeat(whole.sheets.faces, 4, axis=0).ravel()
-    refine = sparse.csr_array(
-        sparse.coo_array((np.tile(corner_weights(4).ravel(), n), (rows, columns)), (4 * n, len(whole.sheets.kinds)))
-    )
-    split = split_faces(whole.sheets)
-    kept = np.flatnonzero(whole.sheets.faces.ravel() < len(sheets.kinds))
-    arrays = _dual_patches(split, kept)
-    return arrays, sparse.csr_array(refine @ whole.matrix), Sheets(split.faces[kept], arrays.across, split.kinds)
+    shape = (4 * n, len(whole.sheets.kinds))
+    refine = sparse.coo_array((np.tile(corner_weights(4).ravel(), n), (rows, columns)), shape)
+    return sparse.csr_array(sparse.csr_array(refine) @ whole.matrix)
 
 
-def _completed(sheets: Sheets) -> Refinement:
-    """The mesh with faces of no width along its borders: (b, a, a', b') across a-b, (a, a', a'', a') at a corner."""
+def completed(sheets: Sheets) -> Refinement:
+    """The mesh with faces of no width along its borders: (b, a, a', b') across a-b, (a, a', a'', a') at a corner.
+
+    Promises  after the old faces come those across free sides, in the order of these, then those at corners, in the
+              order of the free sides that leave them.
+    Raises    BadGeometry when a crease ends inside a face of the surface.
+    """
+    if (sheets.kinds == VertexKind.DART).any():
+        raise BadGeometry("control mesh", "a crease that ends inside the surface has no meaning in Doo-Sabin's scheme")
     faces, across, kinds = sheets
     n, n_faces = len(kinds), len(faces)
     free = np.flatnonzero(across.ravel() < 0)
@@ -89,8 +98,11 @@ def _completed(sheets: Sheets) -> Refinement:
     return Refinement(Sheets(np.concatenate([faces, mirrored, corner_faces]), grown, kinds[behind]), matrix)
 
 
-def _dual_patches(split: Sheets, kept: Ints) -> PatchArrays:
-    """Patches around the kept points; a point is the face of the split mesh that its patch is."""
+def dual_patches(split: Sheets, kept: Ints) -> tuple[PatchArrays, Ints]:
+    """Patches around the kept points, and (n, 9) the points of the grid around each, row by row.
+
+    A point is the face of the split mesh that its patch is. Entry 0 of a grid is not used where corner 0 is irregular.
+    """
     across = split.across.ravel()
     fan, counts = _fans(across, kept)
     irregular = counts != 4
@@ -119,7 +131,7 @@ def _dual_patches(split: Sheets, kept: Ints) -> PatchArrays:
     sides = np.where(old_sides < 0, -1, 4 * new[old_sides // 4] + old_sides % 4)
     sides[(old_sides < 0) | (new[old_sides // 4] < 0)] = -1
     made = [face_table(int(n)) for n in valences]
-    return PatchArrays(starts, support, tables, sides, np.eye(9), *table_arrays(made))
+    return PatchArrays(starts, support, tables, sides, np.eye(9), *table_arrays(made)), ring
 
 
 def _fans(across: Ints, kept: Ints) -> tuple[Ints, Ints]:

@@ -19,7 +19,7 @@ from scipy import sparse
 
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
-from recon.subdivision import catmull_clark
+from recon.subdivision.limit_tables import CATMULL_CLARK, Rules
 from recon.subdivision.sheets import Sheets, cut_along_creases, fan_corners
 
 __all__ = ["Layout", "Rectangle", "isolated", "rectangles"]
@@ -33,12 +33,12 @@ EFFORT = 3000  # steps spent on the search for large rectangles, a quad
 
 
 class Layout(NamedTuple):
-    """A mesh whose quads have one irregular corner at most.
+    """A mesh whose faces, k = 3 or 4 corners each, have one irregular corner at most.
 
     sheets    cut along creases; an irregular corner is corner 0
-    faces     (F, 4) the same faces over vertices that creases do not cut, and `across` (F, 4) their sides across
+    faces     (F, k) the same faces over vertices that creases do not cut, and `across` (F, k) their sides across
     points    (W, V) sparse, control points -> points of the sheets' vertices
-    regular   (F,) whether the quad is an exact bicubic
+    regular   (F,) whether no corner is irregular, so that the face is polynomial
     """
 
     sheets: Sheets
@@ -55,43 +55,44 @@ class Rectangle(NamedTuple):
     turns: Ints
 
 
-def isolated(mesh: ControlMesh, steps: int = 0) -> Layout:
-    """The mesh refined so often, and once more where a quad would have two irregular corners.
+def isolated(mesh: ControlMesh, rules: Rules = CATMULL_CLARK, steps: int = 0) -> Layout:
+    """The mesh refined so often, and once more where a face would have two irregular corners.
 
-    Raises  BadGeometry when a face is no quadrilateral; NotManifold.
+    Raises  BadGeometry when a face has another number of corners than the scheme's; NotManifold.
     """
-    sheets, behind = cut_along_creases(mesh, 4)
+    k = rules.n_corners
+    sheets, behind = cut_along_creases(mesh, k)
     points = sparse.csr_array(
         (np.ones(len(behind)), behind, np.arange(len(behind) + 1)), shape=(len(behind), mesh.n_vertices)
     )
-    beside = opposite_sides(mesh.faces_of(4))
+    beside = opposite_sides(mesh.faces_of(k))
     # two parts that touch in a vertex alone part there
     faces = fan_corners(beside).reshape(beside.shape)
     whole = Sheets(faces, beside, np.zeros(int(faces.max()) + 1, dtype=np.int64))
-    irregular = _irregular_corners(sheets)
+    irregular = _irregular_corners(sheets, rules)
     while steps > 0 or (irregular.sum(axis=1) > 1).any():
-        step, whole = catmull_clark.refine(sheets), catmull_clark.split_faces(whole)
+        step, whole = rules.refine(sheets), rules.refine(whole).sheets
         sheets, points, steps = step.sheets, sparse.csr_array(step.matrix @ points), steps - 1
-        irregular = _irregular_corners(sheets)
+        irregular = _irregular_corners(sheets, rules)
     turns = irregular.argmax(axis=1)
     turned, across = _turned(sheets.faces, sheets.across, turns)
     whole_faces, whole_across = _turned(whole.faces, whole.across, turns)
-    return Layout(
-        Sheets(turned, across, sheets.kinds), whole_faces, whole_across, points, np.asarray(~irregular.any(axis=1))
-    )
+    regular = np.logical_not(irregular.any(axis=1))
+    return Layout(Sheets(turned, across, sheets.kinds), whole_faces, whole_across, points, np.asarray(regular))
 
 
-def _irregular_corners(sheets: Sheets) -> Bools:
-    wanted = np.array(catmull_clark.REGULAR_FACES)
+def _irregular_corners(sheets: Sheets, rules: Rules) -> Bools:
+    wanted = np.array(rules.regular_faces)
     irregular = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds)) != wanted[sheets.kinds]
-    return np.asarray(irregular[sheets.faces])
+    return irregular[sheets.faces]
 
 
 def _turned(faces: Ints, across: Ints, turns: Ints) -> tuple[Ints, Ints]:
     """Faces begun at another corner; the sides across with them."""
-    places = (np.arange(4) + turns[:, None]) % 4
+    k = faces.shape[1]
+    places = (np.arange(k) + turns[:, None]) % k
     other = np.take_along_axis(across, places, axis=1)
-    moved = 4 * (other // 4) + (other % 4 - turns[other // 4]) % 4
+    moved = k * (other // k) + (other % k - turns[other // k]) % k
     return np.take_along_axis(faces, places, axis=1), np.where(other < 0, -1, moved)
 
 

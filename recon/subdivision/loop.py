@@ -164,7 +164,8 @@ def _extended_across(across: Ints, free: Ints, leaving: Ints, arriving: Ints, n_
 def regular_rings(sheets: Sheets, chosen: Ints) -> Ints:
     """(n, 12) the vertices of the chosen faces and around them; all three corners have six faces.
 
-    [0 1 2 | across 01, 12, 20 | two more around 0, around 1, around 2], each counter-clockwise.
+    [0 1 2 | across 01, 12, 20 | two more around 0, around 1, around 2], each counter-clockwise; where a corner has not
+    six faces, the two more around it mean nothing.
     """
     flat_faces, flat_across = sheets.faces.ravel(), sheets.across.ravel()
     ring = np.empty((len(chosen), 12), dtype=np.int64)
@@ -172,11 +173,12 @@ def regular_rings(sheets: Sheets, chosen: Ints) -> Ints:
         side = 3 * chosen + corner
         spoke = side
         tips = []
-        for _ in range(5):
+        for _ in range(4):
             spoke = flat_across[spoke - spoke % 3 + (spoke + 2) % 3]
             tips.append(flat_faces[spoke - spoke % 3 + (spoke + 1) % 3])
         # spokes counter-clockwise: next corner, previous corner, across the side before, two more, across this side
+        beyond = flat_across[side]
         ring[:, corner] = flat_faces[side]
-        ring[:, 3 + corner] = tips[4]
+        ring[:, 3 + corner] = flat_faces[beyond - beyond % 3 + (beyond + 2) % 3]
         ring[:, 6 + 2 * corner], ring[:, 7 + 2 * corner] = tips[2], tips[3]
     return ring

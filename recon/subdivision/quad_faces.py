@@ -1,6 +1,7 @@
-"""The Catmull-Clark surface as faces for a solid: rectangles of exact bicubics, and caps around irregular vertices.
+"""Surfaces of quadrilaterals as faces for a solid: rectangles of exact splines, and caps around irregular vertices.
 
-    rectangle of m x n quads   one bicubic B-spline surface with unit spans: exact
+    rectangle of m x n quads   one B-spline surface with unit spans, bicubic in Catmull-Clark's scheme and bi-quadratic
+                               in Doo-Sabin's: exact
     cap                        one bi-quintic Bezier patch a quad (`caps`)
 
 Both are laid over the same quads, so what two of them share is a row of the quads' edges: the row becomes one edge, cut
@@ -8,8 +9,12 @@ where a third surface begins.
 
 Where a cap is too far from the limit surface the mesh is refined once more: the caps shrink, and the rectangles lose
 the knots that refinement put into them (`uniform_splines`).
+
+Doo-Sabin's patches lie around the points of the mesh once refined. Their corners form a mesh of quadrilaterals, too,
+and its irregular vertices are the middles of the faces that have not four corners.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,16 +23,17 @@ from numpy.typing import NDArray
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.patches import PatchMosaic
-from recon.subdivision import catmull_clark
+from recon.numerics.halfedges import opposite_sides
+from recon.subdivision import catmull_clark, doo_sabin
 from recon.subdivision.caps import Caps, cap_nets
 from recon.subdivision.layout import Layout, Rectangle, isolated, rectangles
 from recon.subdivision.limit_surface import patch_arrays
 from recon.subdivision.limit_tables import CATMULL_CLARK
 from recon.subdivision.mosaic import Tile, joined
-from recon.subdivision.sheets import Sheets
-from recon.subdivision.uniform_splines import clamped_cubic
+from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases, fan_corners
+from recon.subdivision.uniform_splines import clamped
 
-__all__ = ["LimitFaces", "catmull_clark_faces"]
+__all__ = ["LimitFaces", "catmull_clark_faces", "doo_sabin_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -64,7 +70,7 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, accuracy: fl
     faces = mesh.faces_of(4)
     edge = np.linalg.norm(mesh.vertices[faces] - mesh.vertices[np.roll(faces, -1, axis=1)], axis=2).mean()
     for steps in range(MAX_STEPS + 1):
-        layout = isolated(mesh, steps)
+        layout = isolated(mesh, CATMULL_CLARK, steps)
         whole = catmull_clark.extended(layout.sheets)
         points = whole.matrix @ (layout.points @ mesh.vertices)
         caps = _caps(layout, whole.sheets, points)
@@ -74,13 +80,70 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, accuracy: fl
     regular = np.flatnonzero(layout.regular)
     rings = np.zeros((len(layout.regular), 16), dtype=np.int64)
     rings[regular] = catmull_clark.regular_rings(whole.sheets, regular)
-    if grouped:
-        boxes = rectangles(layout.sheets.across, layout.regular)
-    else:
-        boxes = [Rectangle(np.array([[f]]), np.zeros((1, 1), dtype=np.int64)) for f in regular.tolist()]
-    tiles = [_bicubic(box, rings, points) for box in boxes] + _cap_tiles(caps)
+    boxes = _boxes(layout.sheets.across, layout.regular, grouped=grouped)
+    tiles = [_spline(box, rings, points) for box in boxes] + _cap_tiles(caps)
     mosaic = joined(layout.faces, layout.across, layout.sheets.across >= 0, tiles)
     return LimitFaces(mosaic, len(boxes), off, len(layout.faces))
+
+
+def doo_sabin_faces(mesh: ControlMesh, *, grouped: bool = True) -> LimitFaces:
+    """Faces of the Doo-Sabin surface of a quadrilateral control mesh; as `catmull_clark_faces`, but for the accuracy.
+
+    Raises    BadGeometry when a face is no quadrilateral, a vertex has too many faces, or a crease ends inside the
+              surface; NotManifold.
+    """
+    sheets, behind = cut_along_creases(mesh, 4)
+    whole = doo_sabin.completed(sheets)
+    split = catmull_clark.split_faces(whole.sheets)
+    kept = np.flatnonzero(whole.sheets.faces.ravel() < len(sheets.kinds))
+    arrays, rings = doo_sabin.dual_patches(split, kept)
+    points = doo_sabin.face_points(whole) @ mesh.vertices[behind]
+    regular, irregular = arrays.tables < 0, np.flatnonzero(arrays.tables >= 0)
+    smooth = Sheets(split.faces[kept], arrays.across, np.zeros(len(split.kinds), dtype=np.int64))
+    caps = cap_nets(smooth, arrays, rings[irregular], points, irregular)
+    boxes = _boxes(arrays.across, regular, grouped=grouped)
+    tiles = [_spline(box, rings, points) for box in boxes] + _cap_tiles(caps)
+    across = _across_creases(sheets, opposite_sides(mesh.faces_of(4)), (arrays.across, kept))
+    mosaic = joined(fan_corners(across).reshape(across.shape), across, arrays.across >= 0, tiles)
+    return LimitFaces(mosaic, len(boxes), float(caps.off.max(initial=0.0)), len(kept))
+
+
+def _across_creases(sheets: Sheets, uncut: Ints, patches: tuple[Ints, Ints]) -> Ints:
+    """(n, 4) sides across the patches, those of creases, which are borders to both sides, joined.
+
+    uncut    (F, 4) sides across the faces of the control mesh, creases or not
+    patches  (n, 4) sides across the patches, and (n,) the corner of a face of the completed mesh that each one is
+    """
+    across, kept = patches
+    joined_across = across.copy()
+    free = np.flatnonzero(sheets.across.ravel() < 0)
+    n_faces = len(sheets.faces)
+    place = np.full(int(kept.max()) + 1, -1)
+    place[kept] = np.arange(len(kept))
+    number = np.full(sheets.across.size, -1)
+    number[free] = np.arange(len(free))
+    other = np.where(uncut.ravel()[free] >= 0, number[uncut.ravel()[free]], -1)
+    mine = np.flatnonzero(other >= 0)
+    its = other[mine]
+    strip = n_faces + np.arange(len(free))
+    # a strip (b, a, a', b'): its patch at a ends along side 1, that at b along side 2; the one across runs backwards
+    pairs = [(place[4 * strip[mine] + 1], 1, place[4 * strip[its]], 2)]
+    start, end = sheets.faces.ravel()[free], np.roll(sheets.faces, -1, axis=1).ravel()[free]
+    leaving = np.full(len(sheets.kinds), -1)
+    turning = np.flatnonzero(sheets.kinds[start] == VertexKind.CORNER)
+    leaving[start[turning]] = n_faces + len(free) + np.arange(len(turning))
+    corner, opposite = leaving[start[mine]], leaving[end[its]]
+    both = (corner >= 0) & (opposite >= 0)
+    pairs.append((place[4 * corner[both]], 2, place[4 * opposite[both]], 1))
+    for one, side, two, its_side in pairs:
+        joined_across[one, side], joined_across[two, its_side] = 4 * two + its_side, 4 * one + side
+    return joined_across
+
+
+def _boxes(across: Ints, regular: NDArray[np.bool_], *, grouped: bool) -> list[Rectangle]:
+    if grouped:
+        return rectangles(across, regular)
+    return [Rectangle(np.array([[f]]), np.zeros((1, 1), dtype=np.int64)) for f in np.flatnonzero(regular).tolist()]
 
 
 def _caps(layout: Layout, whole: Sheets, points: Floats) -> Caps:
@@ -106,33 +169,41 @@ def _whole_side(points: Floats, start: int, end: int) -> BSplineCurve:
     return BSplineCurve(len(points) - 1, np.repeat([0.0, float(end - start)], len(points)), points)
 
 
-_i, _j = np.meshgrid(np.arange(4), np.arange(4))  # place (i, j) in a ring; entry 4 j + i
-TURNED = np.stack(  # the entries of a ring whose bottom is side 0, 1, 2, 3, row by row
-    [4 * j + i for i, j in ((_i, _j), (3 - _j, _i), (3 - _i, 3 - _j), (_j, 3 - _i))]
-)
+def _turned(n: int) -> Ints:
+    """(4, n, n) the entries of a ring of n x n points whose bottom is side 0, 1, 2, 3, row by row."""
+    i, j = np.meshgrid(np.arange(n), np.arange(n))  # place (i, j) in a ring; entry n j + i
+    last = n - 1
+    return np.stack([n * q + p for p, q in ((i, j), (last - j, i), (last - i, last - j), (j, last - i))])
 
 
-def _bicubic(box: Rectangle, rings: Ints, points: Floats) -> Tile:
+TURNED = {3: _turned(3), 4: _turned(4)}
+AT_END = {2: np.array([0.5, 0.5]), 3: np.array([1.0, 4.0, 1.0]) / 6.0}  # value of a uniform B-spline at a knot
+
+
+def _spline(box: Rectangle, rings: Ints, points: Floats) -> Tile:
+    """The surface over a rectangle of regular quads; rings (F, 16) bicubic, (F, 9) bi-quadratic."""
     n, m = box.faces.shape
-    net = np.zeros((n + 3, m + 3), dtype=np.int64)
-    own = rings[box.faces][np.arange(n)[:, None, None, None], np.arange(m)[:, None, None], TURNED[box.turns]]
+    size = round(rings.shape[1] ** 0.5)
+    degree = size - 1
+    net = np.zeros((n + degree, m + degree), dtype=np.int64)
+    own = rings[box.faces][np.arange(n)[:, None, None, None], np.arange(m)[:, None, None], TURNED[size][box.turns]]
     for j in range(n):
         for i in range(m):
-            net[j : j + 4, i : i + 4] = own[j, i]
+            net[j : j + size, i : i + size] = own[j, i]
     uniform = points[net].transpose(1, 0, 2)  # [along u, along v]
-    knots_u, along_u = clamped_cubic(uniform)
-    knots_v, along_v = clamped_cubic(along_u.transpose(1, 0, 2))
-    surface = BSplineSurface(3, 3, knots_u, knots_v, along_v.transpose(1, 0, 2))
-    edge = np.array([1.0, 4.0, 1.0]) / 6.0
+    knots_u, along_u = clamped(uniform, degree)
+    knots_v, along_v = clamped(along_u.transpose(1, 0, 2), degree)
+    surface = BSplineSurface(degree, degree, knots_u, knots_v, along_v.transpose(1, 0, 2))
+    end = AT_END[degree]
     curves = (
-        np.einsum("j,ijx->ix", edge, uniform[:, :3]),
-        np.einsum("i,ijx->jx", edge, uniform[-3:]),
-        np.einsum("j,ijx->ix", edge, uniform[:, -3:]),
-        np.einsum("i,ijx->jx", edge, uniform[:3]),
+        np.einsum("j,ijx->ix", end, uniform[:, :degree]),
+        np.einsum("i,ijx->jx", end, uniform[-degree:]),
+        np.einsum("j,ijx->ix", end, uniform[:, -degree:]),
+        np.einsum("i,ijx->jx", end, uniform[:degree]),
     )
-    return Tile(box.faces, box.turns, surface, curves, _part_of_side)
+    return Tile(box.faces, box.turns, surface, curves, partial(_part_of_side, degree))
 
 
-def _part_of_side(points: Floats, start: int, end: int) -> BSplineCurve:
-    """The spans from start to end of a uniform cubic B-spline."""
-    return BSplineCurve(3, *clamped_cubic(points[start : end + 3]))
+def _part_of_side(degree: int, points: Floats, start: int, end: int) -> BSplineCurve:
+    """The spans from start to end of a uniform B-spline."""
+    return BSplineCurve(degree, *clamped(points[start : end + degree], degree))

@@ -25,6 +25,7 @@ from brep_export.app.outputs import ENDINGS
 __all__ = ["fit"]
 
 JOB = "brep_export.app.fit_job:fit"
+CONVERSION = "brep_export.app.control_mesh_job:convert"
 
 
 class Surface(StrEnum):
@@ -47,17 +48,30 @@ class Update(StrEnum):
 
 
 def fit(
-    inputs: Annotated[Path, typer.Argument(metavar="SCAN", help="Scan as a triangle mesh, open or closed.")],
+    inputs: Annotated[
+        Path | None, typer.Argument(metavar="SCAN", help="Scan as a triangle mesh, open or closed.", show_default=False)
+    ] = None,
     outputs: Annotated[
         list[Path] | None,
         typer.Option("-o", "--output", help=f"File to write: .obj control mesh, or {' '.join(ENDINGS)}. Repeatable."),
     ] = None,
-    surface: Annotated[Surface, typer.Option(help="Scheme of the surface.")] = Surface.LOOP,
+    surface: Annotated[
+        Surface | None,
+        typer.Option(
+            help="Scheme of the surface; by its faces for a control mesh; quads in rows for a solid of a scan."
+        ),
+    ] = None,
     control_points: Annotated[int | None, typer.Option(help="At most so many control points.", min=4)] = None,
     tolerance: Annotated[
         str | None, typer.Option(help="Largest error: a length, or a share of the diagonal as 0.1%.")
     ] = None,
     update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
+    control_mesh: Annotated[
+        Path | None, typer.Option(help="Fit nothing: the limit surface of this OBJ mesh of quads, triangles or both.")
+    ] = None,
+    angle: Annotated[
+        float, typer.Option(help="Degrees by which tangent planes may differ along smooth edges.", min=1e-9)
+    ] = 0.1,
     plain: Annotated[bool, typer.Option(help="All control points at once, no refinement.")] = False,
     rounds: Annotated[int, typer.Option(help="Rounds on the last control mesh.", min=1)] = 6,
     crease_angle: Annotated[
@@ -80,4 +94,9 @@ def fit(
     debug: Debug = False,
 ) -> None:
     """Subdivision surface of a scan: its control mesh, and its limit surface as a B-rep."""
-    answer("fit", JOB, locals(), more_endings=(".obj",))
+    options = locals()
+    if (inputs is None) == (control_mesh is None):
+        raise typer.BadParameter("name a SCAN, or a control mesh by --control-mesh, and not both")
+    if control_mesh is not None:
+        options["inputs"] = control_mesh
+    answer("fit", JOB if control_mesh is None else CONVERSION, options, more_endings=(".obj",))

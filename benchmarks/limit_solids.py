@@ -1,0 +1,101 @@
+"""Solids of limit surfaces: faces, size of the file, angle, distance, processor seconds, by number of quadrilaterals.
+
+    python benchmarks/limit_solids.py [SCAN...]
+
+Without scans: a wavy torus of growing size, some of its quads turned into irregular ones. With scans: their remeshes.
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from brep_export.check import ShapeKind, check
+from brep_export.file_header import FileHeader
+from brep_export.mosaics import mosaic_shape
+from brep_export.step import write_step
+from recon.geometric_fit.quad_remesh import remeshed_quads
+from recon.geometry.control_mesh import ControlMesh
+from recon.readers.meshes import read_mesh
+from recon.subdivision.limit_faces import limit_faces
+from recon.subdivision.limit_surface import Scheme
+from recon.subdivision.quad_faces import catmull_clark_faces
+from recon.tolerance import Tolerance
+
+SIZES = (400, 2500, 10000)
+SCAN_QUADS = (1600, 6300)
+HEADER = (
+    "mesh                quads  irregular  faces  a quad   kB a face  angle deg  off/edge   "
+    "lay  build  gate  STEP  total s"
+)
+
+
+def torus(n_quads: int) -> ControlMesh:
+    """A wavy torus in which a few hundredths of the edges between regular quads are turned."""
+    n = round(np.sqrt(n_quads / 2))
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(2 * n), np.arange(n), indexing="ij"))
+    a, b = np.pi * i / n, 2 * np.pi * j / n
+    radius = 1.0 + 0.15 * np.sin(5 * a) * np.cos(2 * b)
+    points = np.column_stack(
+        [(3 + radius * np.cos(b)) * np.cos(a), (3 + radius * np.cos(b)) * np.sin(a), radius * np.sin(b)]
+    )
+    right = (i + 1) % (2 * n)
+    quads = np.stack([i * n + j, right * n + j, right * n + (j + 1) % n, i * n + (j + 1) % n], axis=1)
+    for f in range(0, len(quads), 67):  # two quads side by side: their common edge, turned
+        a0, b0, c0, d0 = quads[f]
+        beyond = np.flatnonzero((quads[:, 0] == b0) & (quads[:, 3] == c0))
+        if len(beyond) and (f % n) and beyond[0] % 67:
+            _, e0, f0, _ = quads[beyond[0]]
+            quads[f], quads[beyond[0]] = (a0, b0, e0, d0), (d0, e0, f0, c0)
+    return ControlMesh.from_faces(points, quads)
+
+
+def row(name: str, mesh: ControlMesh) -> str:
+    """One line of the table."""
+    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    tolerance = Tolerance(merge=1e-7 * size, fit=1e-5 * size)
+    clock = [time.process_time()]
+    faces = limit_faces(mesh, Scheme.CATMULL_CLARK)
+    clock.append(time.process_time())
+    shape = mosaic_shape(faces.mosaic, tolerance)
+    clock.append(time.process_time())
+    report = check(shape, tolerance, expect=ShapeKind.SOLID)
+    clock.append(time.process_time())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "solid.step"
+        write_step(shape, path, header=FileHeader(name=name))
+        kilobytes = path.stat().st_size / 1e3
+    clock.append(time.process_time())
+    quads = mesh.faces_of(4)
+    edge = np.linalg.norm(mesh.vertices[quads] - mesh.vertices[np.roll(quads, -1, axis=1)], axis=2).mean()
+    irregular = (np.bincount(quads.ravel(), minlength=mesh.n_vertices) != 4)[quads].any(axis=1).mean()
+    n = len(faces.mosaic.patches)
+    angle = np.degrees(report.max_smooth_edge_angle or 0.0)
+    spent = "  ".join(f"{s:4.1f}" for s in np.diff(clock))
+    return (
+        f"{name:18} {len(quads):6d} {irregular:9.1%} {n:7d} {n / len(quads):7.3f} {kilobytes / n:10.1f} {angle:10.1e}"
+        f" {faces.off / edge:9.1e}  {spent}  {clock[-1] - clock[0]:6.1f}  {report.verdict}"
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    print(HEADER)
+    catmull_clark_faces(torus(100))  # compile, and make the tables
+    if len(sys.argv) == 1:
+        for size in SIZES:
+            print(row("torus", torus(size)), flush=True)
+    for path in sys.argv[1:]:
+        scan = read_mesh(path).mesh
+        for count in SCAN_QUADS:
+            mesh = remeshed_quads(scan, count)
+            print(row(Path(path).stem, mesh), flush=True)
+            print(
+                f"{'':18} ungrouped: {len(catmull_clark_faces(mesh, grouped=False).mosaic.patches)} faces", flush=True
+            )
+
+
+if __name__ == "__main__":
+    main()
