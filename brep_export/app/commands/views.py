@@ -32,6 +32,9 @@ def views(
     repair: Annotated[
         bool, typer.Option("--repair", help="Where no solid is drawn like this, change the one line that mends it.")
     ] = False,
+    report: Annotated[
+        Path | None, typer.Option(help="Page with each solid beside the drawing, choices to toggle (.html).")
+    ] = None,
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,
     picture: Picture = None,
