@@ -123,18 +123,23 @@ def damaged(seed: int) -> ThreeViews:
 
 
 def _random_view(rng: Rng) -> DrawnView:
-    n = int(rng.integers(1, 14))
-    box = [[[0, 0], [30, 0]], [[30, 0], [30, 30]], [[30, 30], [0, 30]], [[0, 30], [0, 0]]]
-    lines = rng.integers(0, 4, (n, 2, 2)) * 10.0
-    segments = np.concatenate([np.array(box, dtype=float), lines]) if rng.random() < 0.7 else lines
-    return DrawnView(segments, rng.random(len(segments)) < 0.3)
+    """A square with random lines on a grid of half its width, or lines without a square."""
+    box = np.array([[[0, 0], [20, 0]], [[20, 0], [20, 20]], [[20, 20], [0, 20]], [[0, 20], [0, 0]]], dtype=float)
+    lines = rng.integers(0, 3, (int(rng.integers(0, 5)), 2, 2)) * 10.0
+    if rng.random() < 0.2 and len(lines):
+        return DrawnView(lines, rng.random(len(lines)) < 0.3)
+    hidden = rng.random(len(lines)) < 0.3
+    return DrawnView(np.concatenate([box, lines]), np.concatenate([np.zeros(4, dtype=bool), hidden]))
 
 
 def _damaged_view(view: DrawnView, rng: Rng) -> DrawnView:
-    segments = view.segments + rng.normal(0, 1, view.segments.shape) * (rng.random(view.segments.shape) < 0.1)
-    keep = rng.random(len(segments)) > rng.choice([0.0, 0.1, 0.3])
+    """Ends moved, lines lost, types changed: none to many of each."""
+    often = rng.choice([0.0, 0.0, 0.02, 0.1])
+    step = rng.choice([1e-4, 1e-2, 1.0])
+    moved = view.segments + rng.normal(0, step, view.segments.shape) * (rng.random(view.segments.shape) < often)
+    keep = rng.random(len(moved)) >= often
     keep[0] = True
-    return DrawnView(segments[keep], view.hidden[keep] ^ (rng.random(int(keep.sum())) < 0.05))
+    return DrawnView(moved[keep], view.hidden[keep] ^ (rng.random(int(keep.sum())) < often / 2))
 
 
 def is_solid(solid: Polyhedron) -> bool:

@@ -27,7 +27,7 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
     command  as the user typed it
     job      `module:function`, see workshop.run
     options  the command's parameters by name; as_json, quiet and timeout are for the front desk, the rest for the job
-    fixed    what the command itself adds for its job
+    fixed    what the command itself adds for its job; with `own_page` the job writes the page of --report as well
     """
     request = {key: _plain(value) for key, value in {**options, **fixed}.items()}
     request["inputs"], request["outputs"] = _listed(request["inputs"]), _listed(request["outputs"])
@@ -35,7 +35,8 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
     try:
         check_destinations(request)
         work = partial(_watched, job, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)
-        outcome = work(request) if request.get("report") is None else _with_report(work, request)
+        by_job = request.get("report") is None or request.get("own_page", False)
+        outcome = work(request) if by_job else _with_report(work, request)
     except InputError as problem:
         outcome = Outcome(Exit.BAD_INPUT, reasons=(str(problem),))
     except KeyboardInterrupt:

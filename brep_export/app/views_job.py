@@ -11,6 +11,7 @@ from brep_export.app.deliver import gate, write_files
 from brep_export.app.polyhedron_files import POLYHEDRON_ENDINGS, polyhedron_writer
 from brep_export.app.result import result
 from brep_export.app.views_picture import draw_solids
+from brep_export.app.views_report import write_report
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.solids import polyhedron_solid
@@ -54,7 +55,7 @@ def views(request: Mapping[str, Any], bench: Bench) -> Answer:
     _tell_count(found, request, bench)
     proved = [_proved(sheet, found, number, outputs, bench) for number, outputs in _wanted(request, found)]
     reasons = tuple(dict.fromkeys(str(defect) for one in proved for defect in one.report.defects))
-    written = [] if reasons and not request["force"] else _write(proved, sheet, request, bench)
+    written = [] if reasons and not request["force"] else _write(proved, (sheet, found), request, bench)
     answer = result(
         "views",
         inputs=request["inputs"],
@@ -118,23 +119,35 @@ def _proved(sheet: ViewSheet, found: Interpretation, number: int, outputs: Seque
         differences = found.differences(polyhedron)
     if differences:
         raise NoSolid(f"solid {number + 1} does not draw as given; {differences[0]}", differences)
-    solid = polyhedron.mirrored(0, sheet.drawing.front.segments[:, :, 0].max() / 2) if sheet.mirrored else polyhedron
+    solid = _as_meant(sheet, polyhedron)
     with bench.phase("brep", "building the solid"):
         shape = polyhedron_solid(solid)
     tolerance = Tolerance(merge=found.snap, fit=SLACK * found.snap)
     return Proved(solid, shape, gate(shape, tolerance, ShapeKind.SOLID, bench), tuple(outputs))
 
 
-def _write(proved: list[Proved], sheet: ViewSheet, request: Mapping[str, Any], bench: Bench) -> list[str]:
-    """Every file of every solid, and the picture: first under hidden names, put in place when all of them are good."""
+def _as_meant(sheet: ViewSheet, solid: Polyhedron) -> Polyhedron:
+    """The part itself, where the sheet was read as that of its mirror image."""
+    return solid.mirrored(0, sheet.drawing.front.segments[:, :, 0].max() / 2) if sheet.mirrored else solid
+
+
+def _write(
+    proved: list[Proved], read: tuple[ViewSheet, Interpretation], request: Mapping[str, Any], bench: Bench
+) -> list[str]:
+    """Every file of every solid, picture and page: first under hidden names, put in place when all of them are good."""
+    sheet, found = read
     paths = [path for one in proved for path in one.outputs]
-    extra = [path for path in (request["picture"],) if path is not None]
+    extra = [path for path in (request["picture"], request["report"]) if path is not None]
     with staged(*paths, *extra, announce=bench.staged) as hidden:
         places = dict(zip((*paths, *extra), map(str, hidden)))
         proved[:] = [_written(one, places, request, bench) for one in proved]
-        for path in extra:
-            with bench.phase("write", "drawing the picture"):
-                draw_solids(Path(places[path]), sheet.drawing, [(one.solid, one.report.triangles()) for one in proved])
+        with bench.phase("write", "drawing the solids"):
+            if request["picture"] is not None:
+                shown = [(one.solid, one.report.triangles()) for one in proved]
+                draw_solids(Path(places[request["picture"]]), found.drawing, shown)
+            if request["report"] is not None:
+                solids = (_as_meant(sheet, solid) for solid in found.polyhedra())
+                write_report(Path(places[request["report"]]), found, solids, name=Path(request["inputs"][0]).name)
     return [*paths, *extra]
 
 

@@ -77,12 +77,16 @@ class Labelings:
 
     def labeling(self, number: int) -> Flags:
         """(n_cells,) which cells are solid, in the labeling of that number from 0."""
-        picked = self.order[number] if self.order is not None else self._digits(number)
         solid = np.zeros(self.n_cells, dtype=bool)
-        solid[list(self.forced.union(*(choice.options[i] for choice, i in zip(self.choices, picked))))] = True
+        solid[list(self.forced.union(*(choice.options[i] for choice, i in zip(self.choices, self.picks(number)))))] = (
+            True
+        )
         return solid
 
-    def _digits(self, number: int) -> list[int]:
+    def picks(self, number: int) -> list[int]:
+        """Which option of each choice the labeling of a number takes."""
+        if self.order is not None:
+            return list(self.order[number])
         digits = []
         for choice in reversed(self.choices):
             number, digit = divmod(number, len(choice.options))

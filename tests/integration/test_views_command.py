@@ -32,15 +32,28 @@ def puzzle(path, *diagonals):
 def test_every_solid_of_a_puzzle_is_written_and_passes_the_gate(tmp_path):
     drawing = puzzle(tmp_path / "puzzle.json", [[0, 40, 40, 0]], [[0, 0, 40, 40]], [[0, 0, 40, 40]])
     run = recon(
-        "views", drawing, "--all", "-o", "part.step", "-o", "part.obj", "-o", "part.json", "--json", cwd=tmp_path
-    )
+        "views", drawing, "--all", "-o", "part.step", "-o", "part.obj", "-o", "part.json", "--json",
+        "--report", "page.html", cwd=tmp_path
+    )  # fmt: skip
     answer = json.loads(run.stdout)
     assert (run.returncode, answer["verdict"]) == (0, "pass"), run.stderr
     assert (answer["room"]["solutions"], answer["room"]["complete"]) == (6, True)
     assert len(list(tmp_path.glob("part_*.step"))) == 6
+    page = (tmp_path / "page.html").read_text()
+    assert page.count("<figure data-picks=") == 6
+    assert page.count("<option>") == 7  # any, and one for each option of the only choice
     made = json.loads((tmp_path / "part_1.json").read_text())
     assert len(made["vertices"]) - len(made["edges"]) + len(made["faces"]) == 2
     assert (tmp_path / "part_1.obj").read_text().count("\nf ") == len(made["faces"])
+
+
+def test_all_solids_are_written_or_none(tmp_path):
+    drawing = puzzle(tmp_path / "puzzle.json", [[0, 40, 40, 0]], [[0, 0, 40, 40]], [[0, 0, 40, 40]])
+    (tmp_path / "part_5.step").mkdir()
+    run = recon("views", drawing, "--all", "-o", "part.step", cwd=tmp_path)
+    assert run.returncode == 1
+    assert "part_5.step" in run.stderr
+    assert not [path for path in tmp_path.glob("*.step") if path.is_file()]
 
 
 def test_a_number_too_large_and_a_contradiction_get_one_sentence(tmp_path):

@@ -19,7 +19,7 @@ def count_of_the_paper(arranged, drawing):
     last = {edge: max(f for f, _ in members) for edge, members in around.items()}
     due = {}
     for edge, f in last.items():
-        due.setdefault(f, []).append(around[edge])
+        due.setdefault(f, []).append((around[edge], bool(made.is_cut[edge])))
     found = 0
     labels = np.zeros(len(made.plane), dtype=np.int64)
 
@@ -30,7 +30,10 @@ def count_of_the_paper(arranged, drawing):
             return
         for label in (ABSENT, ALONG, AGAINST):
             labels[k] = label
-            if all(_even(members, labels) for members in due.get(k, [])):
+            if all(
+                _even(members, labels) and not (cut and _ends_there(made, members, labels))
+                for members, cut in due.get(k, [])
+            ):
                 search(k + 1)
         labels[k] = ABSENT
 
@@ -61,6 +64,15 @@ def _even(members, labels):
     """Condition 3: an even number of faces at an edge; they enclose solid and empty space in turn."""
     faces = [labels[f] * (1 if side == 0 else -1) for f, side in members if labels[f]]
     return len(faces) % 2 == 0 and all(a != b for a, b in zip(faces, faces[1:] + faces[:1]))
+
+
+def _ends_there(made, members, labels):
+    """Whether a face ends at a cut, which is no candidate edge, or faces of two planes cross there."""
+    present = {}
+    for f, _ in members:
+        if labels[f]:
+            present.setdefault(made.plane[f], []).append(labels[f])
+    return len(present) > 1 or any(len(both) != 2 or both[0] != both[1] for both in present.values())
 
 
 def _lines_of_sight(made, graph):

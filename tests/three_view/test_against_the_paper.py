@@ -11,7 +11,7 @@ from recon.three_view.pipeline import arrange, interpret
 SQUARE = [[0, 0, 40, 0], [40, 0, 40, 40], [40, 40, 0, 40], [0, 40, 0, 0]]
 
 
-@pytest.mark.parametrize("shape", [(2, 1, 1), pytest.param((2, 2, 1), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("shape", [(2, 1, 1), (2, 2, 1)])
 def test_lattice_drawings_have_as_many_labelings_of_faces_as_of_cells(shape):
     drawings = {signature(cubes): lattice_drawing(cubes) for cubes in lattice_solids(shape)}
     for drawing in drawings.values():
@@ -19,10 +19,14 @@ def test_lattice_drawings_have_as_many_labelings_of_faces_as_of_cells(shape):
         assert count_of_the_paper(arrange(drawing, found.snap), drawing) == found.count
 
 
-@pytest.mark.slow
-def test_the_puzzle_of_six_has_six_labelings_of_faces():
-    lines = [[0, 40, 40, 0]], [[0, 0, 40, 40]], [[0, 0, 40, 40]]
-    views = [np.array(SQUARE + own, dtype=float).reshape(-1, 2, 2) for own in lines]
+@pytest.mark.parametrize(
+    ("lines", "count"),
+    [([[0, 40, 40, 0]], 6), pytest.param([[0, 0, 40, 40]], 14, marks=pytest.mark.slow)],
+    ids=["one reversed", "all alike"],
+)
+def test_puzzles_have_as_many_labelings_of_faces_as_they_have_solids(lines, count):
+    diagonals = lines, [[0, 0, 40, 40]], [[0, 0, 40, 40]]
+    views = [np.array(SQUARE + own, dtype=float).reshape(-1, 2, 2) for own in diagonals]
     drawing = ThreeViews(*(DrawnView(rows, np.zeros(len(rows), dtype=bool)) for rows in views))
     found = interpret(drawing)
-    assert count_of_the_paper(arrange(drawing, found.snap), drawing) == found.count == 6
+    assert count_of_the_paper(arrange(drawing, found.snap), drawing) == found.count == count

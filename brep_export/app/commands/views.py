@@ -13,7 +13,6 @@ from brep_export.app.commands.options import (
     Picture,
     ProtocolSchema,
     Quiet,
-    Report,
     Schema,
     Timeout,
 )
@@ -43,10 +42,12 @@ def views(
     repair: Annotated[
         bool, typer.Option("--repair", help="Where no solid is drawn like this, change the one line that mends it.")
     ] = False,
+    report: Annotated[
+        Path | None, typer.Option(help="Page with each solid beside the drawing, choices to toggle (.html).")
+    ] = None,
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,
     picture: Picture = None,
-    report: Report = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     timeout: Timeout = None,
@@ -54,4 +55,4 @@ def views(
     debug: Debug = False,
 ) -> None:
     """Every solid with planar faces that a three-view drawing can mean."""
-    answer("views", JOB, locals(), more_endings=(".obj", ".json"))
+    answer("views", JOB, locals(), more_endings=(".obj", ".json"), own_page=True)
