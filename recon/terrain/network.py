@@ -25,7 +25,7 @@ def terrain_network(terrain: Terrain) -> PatchNetwork:
     used = np.unique(sides[sides != COLLAPSED])
     number = np.full(len(terrain.tiling.edges), COLLAPSED)
     number[used] = np.arange(len(used))
-    vertices, corners = np.unique(layout.corners, return_inverse=True)
+    vertices, corners = np.unique(layout.corners, return_inverse=True)  # those of a part of the ground, where it is one
     local = np.full(len(terrain.tiling.points), -1)
     local[vertices] = np.arange(len(vertices))
     return PatchNetwork(

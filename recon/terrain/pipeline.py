@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 SHARE_OF_SPACING = 0.28  # the tolerance, where none is given, as a share of the distance between the given points
 MOST_TURNING = np.radians(90.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
 BORDER_STEP = 6.0  # spacings of the points between free vertices on the border
-SPECK = 2.0  # tolerances that a closed contour is long at least
+SPECK = 1.0  # tolerances that a closed contour is long at least
 MOST_NAMED = 5
 REFITS, UNFOLDINGS = 6, 12
 
@@ -65,6 +65,8 @@ class Terrain:
     extent   (2, 2) corners of the map, in local coordinates
     interval metres of height between neighbouring contours
     tolerance  metres, as used
+    strip    (F,) strip of every triangle of the tiling: strips are parted by contours
+    crs      name of the coordinate reference system, or an empty text
     notes    what a user should know about how it was made
     """
 
@@ -76,6 +78,8 @@ class Terrain:
     extent: Floats
     interval: float
     tolerance: float
+    strip: NDArray[np.int64]
+    crs: str = ""
     notes: tuple[str, ...] = field(default=())
 
     @property
@@ -87,10 +91,12 @@ def terrain_surface(
     contours: ContourMap,
     options: TerrainOptions | None = None,
     *,
+    floor: float | None = None,
     doing: Callable[[str], None] = lambda step: None,
 ) -> Terrain:
     """A ground through the contours, of polynomial patches whose tangent planes agree along every common edge.
 
+    floor     height of a contour below which no patch above it may dip, since a base lies there
     doing     called with the name of each step
     Promises  no patch folds; heights stay near those of their patch's corners, as the limiter says.
     Raises    BadGeometry naming height and place, where contours cross or a patch cannot be unfolded; BadOption.
@@ -110,8 +116,8 @@ def terrain_surface(
         limits = levels(tiling, interval)
         jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
         doing("making the patches")
-        jets, nets = limited_jets(tiling, layout, jets, limits, interval)
-    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance, notes)
+        jets, nets = limited_jets(tiling, layout, jets, limits, interval, floor)
+    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance, limits.strip, contours.crs, notes)
 
 
 def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap, tuple[str, ...]]:
