@@ -34,8 +34,9 @@ Floats = NDArray[np.float64]
 
 SHARE_OF_SPACING = 0.28  # the tolerance, where none is given, as a share of the distance between the given points
 MOST_TURNING = np.radians(90.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
+TINY = 0.2  # of the tolerance: segments below it are not split for their turning
 BORDER_STEP = 6.0  # spacings of the points between free vertices on the border
-SPECK = 1.0  # tolerances that a closed contour is long at least
+SPECK = 0.3  # tolerances that a closed contour is long at least
 MOST_NAMED = 5
 REFITS, UNFOLDINGS = 6, 12
 
@@ -160,7 +161,7 @@ def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
     tight = np.empty((0, 2))
     step = BORDER_STEP * point_spacing(contours)
     for attempt in range(REFITS):
-        curves = _supple(fit_contours(contours, tolerance, tight))
+        curves = _supple(fit_contours(contours, tolerance, tight), tolerance)
         try:
             tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
             return _unfolded(tiling, contours.extent, free, (step, origin))
@@ -171,10 +172,11 @@ def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
     raise AssertionError("the loop returns or raises")
 
 
-def _supple(curves: ContourCurves) -> ContourCurves:
-    """The curves split until no segment turns by much."""
-    while (bent := curves.turning() > MOST_TURNING).any():
-        curves = curves.split(bent)
+def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
+    """The curves split until no segment turns by much; kinks that are left when segments get tiny become chords."""
+    while (bent := (curves.turning() > MOST_TURNING) & ~curves.straight).any():
+        tiny = bent & (np.linalg.norm(curves.bezier[:, 3] - curves.bezier[:, 0], axis=1) < TINY * tolerance)
+        curves = curves.straightened(tiny).split(bent & ~tiny)
     return curves
 
 
