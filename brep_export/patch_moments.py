@@ -1,4 +1,4 @@
-"""Area, volume and their centres of many faces at once, where they are whole Bezier patches: a terrain, a limit surface."""
+"""Area, volume and their centres of many faces at once, where they are whole Bezier patches, as those of a terrain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Moments:
 
 
 def moments(faces: Sequence[TopoDS_Face], apex: tuple[float, float, float]) -> Moments:
-    """Sums over the faces; `others` are those that are no whole patches, whose area is the kernel's, their volume left out."""
+    """Sums over the faces; `others` are no whole patches: their area is the kernel's, their volume is left out."""
     nets: dict[tuple[int, int], list[tuple[Floats, float]]] = {}
     others = []
     for face in faces:

@@ -36,7 +36,7 @@ SHARE_OF_SPACING = 0.28  # the tolerance, where none is given, as a share of the
 MOST_TURNING = np.radians(90.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
 TINY = 0.2  # of the tolerance: segments below it are not split for their turning
 BORDER_STEP = 6.0  # spacings of the points between free vertices on the border
-SPECK = 0.3  # tolerances that a closed contour is long at least
+SPECK = 0.05  # tolerances that a closed contour is long at least
 MOST_NAMED = 5
 REFITS, UNFOLDINGS = 6, 12
 
@@ -118,7 +118,9 @@ def terrain_surface(
         jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
         doing("making the patches")
         jets, nets = limited_jets(tiling, layout, jets, limits, interval, floor)
-    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance, limits.strip, contours.crs, notes)
+    return Terrain(
+        origin, tiling, layout, jets, nets, local.extent, interval, tolerance, limits.strip, contours.crs, notes
+    )
 
 
 def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap, tuple[str, ...]]:

@@ -6,6 +6,7 @@ patch; along an edge of a cell the crossing is found on the chord.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +33,15 @@ def welded_triangles(terrain: Terrain, steps: int = CELLS) -> tuple[Floats, Ints
     number = np.empty((terrain.n_patches, steps + 1, steps + 1), dtype=np.int64)
     own = n_vertices + n_edges * inner
     number[:, 1:-1, 1:-1] = own + np.arange(terrain.n_patches * inner * inner).reshape(-1, inner, inner)
-    places = (np.s_[1:-1, 0], np.s_[-1, 1:-1], np.s_[1:-1, -1], np.s_[0, 1:-1])
+    places: tuple[Any, ...] = (np.s_[:, 1:-1, 0], np.s_[:, -1, 1:-1], np.s_[:, 1:-1, -1], np.s_[:, 0, 1:-1])
     along = np.arange(inner)
     for side, place in enumerate(places):
         edge = layout.side_edges[:, side]
         forward = layout.side_forward[:, side][:, None]
         row = n_vertices + edge[:, None] * inner + np.where(forward, along, inner - 1 - along)
-        number[:, *place] = np.where(edge[:, None] == COLLAPSED, layout.corners[:, 3][:, None], row)
-    for corner, place in enumerate(((0, 0), (-1, 0), (-1, -1), (0, -1))):
-        number[:, *place] = layout.corners[:, corner]
+        number[place] = np.where(edge[:, None] == COLLAPSED, layout.corners[:, 3][:, None], row)
+    for corner, (i, j) in enumerate(((0, 0), (-1, 0), (-1, -1), (0, -1))):
+        number[:, i, j] = layout.corners[:, corner]
     t = np.linspace(0.0, 1.0, steps + 1)
     points = np.zeros((own + terrain.n_patches * inner * inner, 3))
     for part in terrain.nets:
