@@ -1,4 +1,4 @@
-"""Faces whose coarse triangles cut each other, looked at alone with fine triangles: where many faces have small ones."""
+"""Faces whose coarse triangles cut each other, looked at alone with fine ones: where many faces have small ones."""
 
 from collections.abc import Sequence
 

@@ -105,6 +105,8 @@ def _read(request: Mapping[str, Any]) -> ContourMap:
     if Path(path).suffix.lower() in GRID_ENDINGS:
         if request["interval"] is None:
             raise BadOption("--interval", f"{path} is a grid; say at which interval in metres to contour it")
+        if request["unit"] not in (None, "m"):
+            raise BadOption("--unit", f"{path} is a grid, which is read in metres; convert it first")
         return contour_grid(read_height_grid(path), request["interval"])
     if request["interval"] is not None:
         raise BadOption(
