@@ -44,7 +44,7 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         contours = _clipped(_read(request), request["clip"])
         against = None if request["against"] is None else read_height_grid(request["against"])
     with bench.phase("reconstruct", "following the contours"):
-        options = TerrainOptions(tolerance=request["tolerance"])
+        options = TerrainOptions(tolerance=request["tolerance"], mend=request["mend"])
         ground = terrain_surface(contours, options, doing=bench.doing)
         room = _figures(contours, ground, against)
         lines = _new_contours(ground, request["contours"])

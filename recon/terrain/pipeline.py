@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
 from recon.terrain.contour_curves import ContourCurves
+from recon.terrain.faults import checked_contours
 from recon.terrain.levels import levels
 from recon.terrain.limiter import limited_jets
 from recon.terrain.merging import PatchLayout, is_folded, merged_layout, plan_sides, triangle_layout
@@ -46,10 +47,12 @@ class TerrainOptions:
     """What a user may choose.
 
     tolerance  metres that a contour's curve may stay from the points given; None: 0.28 of their spacing
+    mend       leave out contours that repeat another
     Raises  BadOption.
     """
 
     tolerance: float | None = None
+    mend: bool = False
 
     def __post_init__(self) -> None:
         if self.tolerance is not None and not 0 < self.tolerance < np.inf:
@@ -106,7 +109,9 @@ def terrain_surface(
     options = options or TerrainOptions()
     tolerance = options.tolerance or SHARE_OF_SPACING * point_spacing(contours)
     origin = np.round(contours.extent.mean(axis=0))
-    kept, notes = _without_specks(contours, tolerance)
+    sound, told = checked_contours(contours, tolerance, mend=options.mend)
+    kept, notes = _without_specks(sound, tolerance)
+    notes = told + notes
     local = _ended_on_border(kept.moved(origin), tolerance)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")

@@ -52,6 +52,9 @@ def terrain(
     ] = None,
     scale: Annotated[str | None, typer.Option(help="Scale of the model, as 1:25000.")] = None,
     exaggerate: Annotated[float | None, typer.Option(help="Stretch heights by this factor.", min=1e-6)] = None,
+    mend: Annotated[
+        bool, typer.Option("--mend", help="Leave out contours that repeat another; each is named.")
+    ] = False,
     base_depth: Annotated[
         float | None, typer.Option(help="Close to a solid, its base so many metres below the ground.", min=1e-3)
     ] = None,
