@@ -39,7 +39,7 @@ TINY = 0.2  # of the tolerance: segments below it are not split for their turnin
 BORDER_STEP = 6.0  # spacings of the points between free vertices on the border
 SPECK = 0.05  # tolerances that a closed contour is long at least
 MOST_NAMED = 5
-REFITS, UNFOLDINGS = 6, 12
+REFITS, TIGHTENINGS, UNFOLDINGS = 9, 3, 12
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,8 @@ def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
     tight = np.empty((0, 2))
     step = BORDER_STEP * point_spacing(contours)
     for attempt in range(REFITS):
-        curves = _supple(fit_contours(contours, tolerance, tight), tolerance)
+        allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
+        curves = _supple(fit_contours(contours, allowed, tight), allowed)
         try:
             tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
             return _unfolded(tiling, contours.extent, free, (step, origin))
