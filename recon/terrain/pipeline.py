@@ -172,7 +172,7 @@ def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
         curves = _supple(fit_contours(contours, allowed, tight), allowed)
         try:
             tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
-            return _unfolded(tiling, contours.extent, free, (step, origin))
+            return _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin))
         except CurvesMeet as meeting:
             if attempt == REFITS - 1:
                 raise CurvesMeet(meeting.places, meeting.height, origin) from meeting
@@ -188,9 +188,12 @@ def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
     return curves
 
 
-def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, Floats]) -> Tiling:
-    """The tiling with contour segments halved until no triangle's plan map folds; `grid`: border step, map origin."""
-    step, origin = grid
+def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, float, Floats]) -> Tiling:
+    """The tiling with contour segments halved, or made chords when tiny, until no triangle's plan map folds.
+
+    grid  border step, length below which a segment is tiny, map origin
+    """
+    step, tiny, origin = grid
     for _ in range(UNFOLDINGS):
         layout = triangle_layout(tiling)
         folded = is_folded(*plan_sides(tiling, layout), layout.is_triangle)
@@ -202,7 +205,9 @@ def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, F
         chosen[segments[segments >= 0]] = True
         new = tiling.points[tiling.triangles[flat]].mean(axis=1)
         free = np.vstack([free, new])
-        tiling = tile(tiling.curves.split(chosen), extent, free, border_step=step)
+        b = tiling.curves.bezier
+        small = chosen & ~tiling.curves.straight & (np.linalg.norm(b[:, 3] - b[:, 0], axis=1) < tiny)
+        tiling = tile(tiling.curves.straightened(small).split(chosen & ~small), extent, free, border_step=step)
     where = tiling.points[layout.corners[folded | flat, 0]][0] + origin
     raise BadGeometry(
         "contours", f"{int(folded.sum())} patches stay folded, the first near ({where[0]:.1f}, {where[1]:.1f})"
