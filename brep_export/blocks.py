@@ -8,6 +8,7 @@
      base
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,17 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.Geom import Geom_Line, Geom_Plane
 from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape, TopoDS_Solid, TopoDS_Vertex
+from OCP.TopoDS import TopoDS_Compound, TopoDS_Edge, TopoDS_Shape, TopoDS_Solid, TopoDS_Vertex
 
 from brep_export.faces import BUILDER, make_edge, make_face, make_vertex, make_wire, turned
 from brep_export.shells import NetworkFaces, make_shell, network_faces
 from recon.errors import NotManifold
-from recon.geometry.patches import COLLAPSED, PatchNetwork
+from recon.geometry.patches import COLLAPSED, PatchNetwork, side_curve
 from recon.tolerance import Tolerance
 
-__all__ = ["block_solid"]
+__all__ = ["block_solid", "side_by_side"]
 
 Floats = NDArray[np.float64]
+FLAT = 1e-9  # length: how far rounding may lift a control point of an edge in the base
 STRAIGHT = 1e-9  # sine of the angle below which two border edges run on in one plane
 
 
@@ -36,16 +38,18 @@ class _Step(NamedTuple):
     forward: bool
     start: int
     end: int
+    place: tuple[int, int]  # patch, side
 
 
 def block_solid(network: PatchNetwork, level: float, tolerance: Tolerance) -> TopoDS_Solid:
     """Kernel solid between a patch network and the plane z = level, its faces outward.
 
-    network  patches with normals upward, each a graph over the plan; border edges straight in plan; holes are kept
-    Raises   NotManifold when the network has no border, touches the base, or raises as `network_shell` does.
+    network  connected patches with normals upward, each a graph over the plan; border edges straight in plan, or at the
+             level, where the network ends on the base; holes are kept
+    Raises   NotManifold when the network has no border, reaches below the base, or raises as `network_shell` does.
     """
-    lowest = min(float(patch.control_net[..., 2].min()) for patch in network.patches)
-    if lowest <= level:
+    lowest = float(network.vertices[:, 2].min())
+    if lowest < level:
         raise NotManifold(
             "block", f"the base at {level:.6g} does not lie below the network, which reaches {lowest:.6g}"
         )
@@ -55,23 +59,18 @@ def block_solid(network: PatchNetwork, level: float, tolerance: Tolerance) -> To
         raise NotManifold("block", "the network has no border to put walls on")
     walls, base_wires = [], []
     for loop in loops:
-        stretches = _stretches(network, loop)
-        corners = [network.vertices[stretch[0].start] for stretch in stretches]
-        feet = [make_vertex(np.array([x, y, level])) for x, y, _ in corners]
-        bottoms = [
-            _line(corners[k], corners[(k + 1) % len(corners)], level, (feet[k], feet[(k + 1) % len(feet)]))
-            for k in range(len(corners))
-        ]
-        posts = [
-            _post(corner, level, (foot, made.vertices[stretch[0].start]))
-            for corner, foot, stretch in zip(corners, feet, stretches)
-        ]
-        n = len(corners)
-        walls += [
-            _wall(stretches[k], (corners[k], corners[(k + 1) % n]), (bottoms[k], posts[k], posts[(k + 1) % n]), made)
-            for k in range(n)
-        ]
-        base_wires.append((_area(np.array(corners)), make_wire(turned(edge, True) for edge in bottoms[::-1])))
+        stretches = _stretches(network, loop, level)
+        feet = _Feet(network, made, level)
+        bottom: list[TopoDS_Edge] = []
+        for stretch in stretches:
+            if _is_on_base(network, stretch[0], level):
+                bottom += [turned(made.edges[step.edge], not step.forward) for step in stretch]
+                continue
+            line = feet.line(stretch[0].start, stretch[-1].end)
+            bottom.append(turned(line, False))
+            walls.append(_wall(stretch, line, feet, made))
+        around = np.vstack([_sampled(network, step) for step in loop])
+        base_wires.append((_area(around), make_wire(edge.Reversed() for edge in bottom[::-1])))
     base_wires.sort(key=lambda pair: -pair[0])  # the outer loop encloses the most, holes run the other way about
     plane = Geom_Plane(gp_Ax3(gp_Pnt(0.0, 0.0, level), gp_Dir(0.0, 0.0, -1.0)))
     base = make_face(plane, [wire for _, wire in base_wires])
@@ -80,6 +79,61 @@ def block_solid(network: PatchNetwork, level: float, tolerance: Tolerance) -> To
     BUILDER.Add(solid, make_shell([*made.faces, *walls, base], closed=True))
     solid.Closed(True)
     return solid
+
+
+def side_by_side(solids: Sequence[TopoDS_Solid]) -> TopoDS_Solid | TopoDS_Compound:
+    """The one solid, or a compound of several."""
+    if len(solids) == 1:
+        return solids[0]
+    together = TopoDS_Compound()
+    BUILDER.MakeCompound(together)
+    for solid in solids:
+        BUILDER.Add(together, solid)
+    return together
+
+
+def _is_on_base(network: PatchNetwork, step: _Step, level: float) -> bool:
+    """Whether a border edge lies in the base: only edges of one height join two vertices at the level."""
+    return bool((network.vertices[[step.start, step.end], 2] == level).all()) and bool(
+        (np.abs(_sampled(network, step)[:, 2] - level) < FLAT).all()
+    )
+
+
+def _sampled(network: PatchNetwork, step: _Step) -> Floats:
+    """(n, 3) control points of a border edge from its start, without the last."""
+    patch, side = step.place
+    net = side_curve(network.patches[patch], side).control_points
+    return net[:-1] if side < 2 else net[::-1][:-1]
+
+
+class _Feet:
+    """Vertices and edges in and above the base, each made once; a vertex at the level is its own foot."""
+
+    def __init__(self, network: PatchNetwork, made: NetworkFaces, level: float) -> None:
+        self.places, self._made, self._level = network.vertices, made, level
+        self._feet: dict[int, TopoDS_Vertex] = {}
+        self._posts: dict[int, TopoDS_Edge] = {}
+
+    def _foot(self, vertex: int) -> TopoDS_Vertex:
+        x, y, z = self.places[vertex]
+        if z == self._level:
+            return self._made.vertices[vertex]
+        if vertex not in self._feet:
+            self._feet[vertex] = make_vertex(np.array([x, y, self._level]))
+        return self._feet[vertex]
+
+    def line(self, start: int, end: int) -> TopoDS_Edge:
+        ends = self._foot(start), self._foot(end)
+        return _line(self.places[start], self.places[end], self._level, ends)
+
+    def post(self, vertex: int) -> TopoDS_Edge | None:
+        """The vertical edge at a corner; None where the corner lies in the base."""
+        if self.places[vertex, 2] == self._level:
+            return None
+        if vertex not in self._posts:
+            ends = self._foot(vertex), self._made.vertices[vertex]
+            self._posts[vertex] = _post(self.places[vertex], self._level, ends)
+        return self._posts[vertex]
 
 
 def _border_loops(network: PatchNetwork) -> list[list[_Step]]:
@@ -93,7 +147,7 @@ def _border_loops(network: PatchNetwork) -> list[list[_Step]]:
         start, end = network.edge_vertices[e].tolist() if forward else network.edge_vertices[e][::-1].tolist()
         if start in ahead:
             raise NotManifold("block", "two borders of the network touch", network.vertices[start])
-        ahead[start] = _Step(e, forward, start, end)
+        ahead[start] = _Step(e, forward, start, end, (patch, side))
     loops = []
     while ahead:
         loop = [ahead.pop(next(iter(ahead)))]
@@ -103,16 +157,19 @@ def _border_loops(network: PatchNetwork) -> list[list[_Step]]:
     return loops
 
 
-def _stretches(network: PatchNetwork, loop: list[_Step]) -> list[list[_Step]]:
-    """The loop cut where it turns in plan."""
+def _stretches(network: PatchNetwork, loop: list[_Step], level: float) -> list[list[_Step]]:
+    """The loop cut where it turns in plan, and where it comes down to the base or leaves it."""
     ways = np.array([network.vertices[step.end, :2] - network.vertices[step.start, :2] for step in loop])
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     before = np.roll(ways, 1, axis=0)
-    turn = np.abs(before[:, 0] * ways[:, 1] - before[:, 1] * ways[:, 0]) > STRAIGHT
+    low = np.array([_is_on_base(network, step, level) for step in loop])
+    touching = np.array([network.vertices[step.start, 2] == level for step in loop])
+    turn = (np.abs(before[:, 0] * ways[:, 1] - before[:, 1] * ways[:, 0]) > STRAIGHT) & ~(low & np.roll(low, 1))
+    turn |= (low != np.roll(low, 1)) | (touching & ~low)
     first = int(np.argmax(turn))
     starts = [*((np.flatnonzero(np.roll(turn, -first))).tolist()), len(loop)]
     ordered = loop[first:] + loop[:first]
-    return [ordered[a:b] for a, b in pairwise(starts)]
+    return [ordered[a:b] for a, b in pairwise(sorted({0, *starts}))]
 
 
 def _area(corners: Floats) -> float:
@@ -131,16 +188,13 @@ def _post(corner: Floats, level: float, ends: tuple[TopoDS_Vertex, TopoDS_Vertex
     return make_edge(line, (0.0, float(corner[2]) - level), ends)
 
 
-def _wall(
-    stretch: list[_Step], corners: tuple[Floats, Floats], made: tuple[TopoDS_Edge, TopoDS_Edge, TopoDS_Edge],
-    network: NetworkFaces,
-) -> TopoDS_Shape:  # fmt: skip
-    """Planar face under one straight stretch of the border: along the base, up, back along the ground, down."""
-    bottom, near_post, far_post = made
-    (x, y, z), way = (float(c) for c in corners[0]), corners[1] - corners[0]
-    outward = gp_Dir(float(way[1]), -float(way[0]), 0.0)
-    plane = Geom_Plane(gp_Ax3(gp_Pnt(x, y, z), outward))
+def _wall(stretch: list[_Step], bottom: TopoDS_Edge, feet: _Feet, network: NetworkFaces) -> TopoDS_Shape:
+    """Planar face under one straight stretch of the border: back along the base, up, along the ground, down."""
+    start, end = stretch[0].start, stretch[-1].end
+    (x, y, z), way = (float(c) for c in feet.places[start]), feet.places[end] - feet.places[start]
+    plane = Geom_Plane(gp_Ax3(gp_Pnt(x, y, z), gp_Dir(float(way[1]), -float(way[0]), 0.0)))
+    near, far = feet.post(start), feet.post(end)
+    up = [] if far is None else [turned(far, False)]
+    down = [] if near is None else [turned(near, True)]
     top = [turned(network.edges[step.edge], step.forward) for step in reversed(stretch)]
-    return make_face(
-        plane, [make_wire([turned(bottom, False), turned(far_post, False), *top, turned(near_post, True)])]
-    )
+    return make_face(plane, [make_wire([turned(bottom, False), *up, *top, *down])])

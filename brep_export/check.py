@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepCheck import BRepCheck_Status
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
-from OCP.TopAbs import TopAbs_State
-from OCP.TopoDS import TopoDS_Shape
+from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from brep_export.check_geometry import (
     angle_defects,
@@ -43,7 +43,9 @@ from brep_export.check_topology import (
     edge_polyline,
     edge_use_defects,
     edge_uses,
+    sub_shapes,
 )
+from brep_export.close_look import cut_faces_still_cut
 from brep_export.kernel_settings import KERNEL_FAILURES
 from brep_export.measures import ShapeMeasures, measure
 from brep_export.read_back import ReadBack
@@ -273,12 +275,19 @@ def _triangulation_defects(
     """Line 4.  Coarse triangles of a thin wall may cut where the faces do not, so cuts are looked at again closer."""
     triangles = triangulate(shape, deflection)
     defects = _mesh_defects(triangles, uses, closes=closes)
-    if any(d.code == "self-intersection" for d in defects):
+    if any(d.code == "self-intersection" for d in defects) and len(triangles.triangle_face) > MANY:
+        if not cut_faces_still_cut(triangles, _faces(shape), deflection):
+            defects = [d for d in defects if d.code != "self-intersection"]
+    elif any(d.code == "self-intersection" for d in defects):
         finer = triangulate(shape, deflection / 4, angle=0.2)
         defects = _mesh_defects(finer, uses, closes=closes)
         triangles = triangles if any(d.code == "self-intersection" for d in defects) else finer
     cuts = sum(int(d.measured or 0) for d in defects if d.code == "self-intersection")
     return triangles, defects, cuts
+
+
+def _faces(shape: TopoDS_Shape) -> list[TopoDS_Face]:
+    return [TopoDS.Face_s(face) for face in sub_shapes(shape, TopAbs_ShapeEnum.TopAbs_FACE)]
 
 
 def _mesh_defects(triangles: ShapeTriangulation, uses: EdgeUses, *, closes: bool) -> list[Defect]:
@@ -296,6 +305,8 @@ def _mesh_defects(triangles: ShapeTriangulation, uses: EdgeUses, *, closes: bool
     cut = found.pop("mesh-cuts-itself", None)
     return [*found.values()] + ([replace(cut, code="self-intersection", what=_CUTS)] if cut else [])
 
+
+MANY = 50_000  # triangles above which only the faces that seem to cut are looked at closer
 
 _CUTS = "faces that cut themselves or each other, in pairs of triangles"
 

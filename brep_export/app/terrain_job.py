@@ -1,5 +1,6 @@
 """The job behind `recon terrain`: contours, or a grid to contour first, to a mountain, through the gate, to files."""
 
+import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ from OCP.TopoDS import TopoDS_Shape
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.result import result
 from brep_export.app.workshop import Bench, Exit
-from brep_export.blocks import block_solid
+from brep_export.blocks import block_solid, side_by_side
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.shells import network_shell
 from recon.errors import BadOption
@@ -19,10 +20,12 @@ from recon.geometry.contour_map import ContourMap, HeightGrid
 from recon.geometry.patches import PatchNetwork
 from recon.readers.contours import CONTOUR_ENDINGS, read_contours
 from recon.readers.height_grids import GRID_ENDINGS, read_height_grid
-from recon.terrain.contouring import contour_grid
-from recon.terrain.evaluation import contour_distances, elevations
-from recon.terrain.network import terrain_network
+from recon.terrain.clipping import clip_to_box
+from recon.terrain.contouring import contour_grid, contour_levels
+from recon.terrain.evaluation import contour_distances, distances_between, edge_angles, elevations
+from recon.terrain.network import stretched, terrain_network
 from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
+from recon.terrain.sections import contours_at, islands_above
 from recon.tolerance import Tolerance
 
 __all__ = ["terrain"]
@@ -30,24 +33,37 @@ __all__ = ["terrain"]
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
 # a hundredth of a metre: far below what a map resolves, far above what the shared edges need
+LINES_ENDING = ".geojson"
 TOLERANCE = Tolerance(merge=1e-5, fit=0.01)
 
 
 def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the map, make the ground, close it if asked, prove it, write it."""
+    _check_request(request)
     with bench.phase("read", "reading the map"):
-        contours = _read(request)
+        contours = _clipped(_read(request), request["clip"])
         against = None if request["against"] is None else read_height_grid(request["against"])
     with bench.phase("reconstruct", "following the contours"):
-        ground = terrain_surface(contours, TerrainOptions(tolerance=request["tolerance"]), doing=bench.doing)
+        options = TerrainOptions(tolerance=request["tolerance"], mend=request["mend"])
+        ground = terrain_surface(contours, options, doing=bench.doing)
         room = _figures(contours, ground, against)
+        lines = _new_contours(ground, request["contours"])
+        whole = _to_be_cut(contours, ground, request["base_level"], bench)
     for note in ground.notes:
         bench.note(note)
     with bench.phase("brep", "building the shape"):
-        shape, kind = _shape(ground, request)
+        shape, kind, scale = _shape(whole, request)
     report = gate(shape, TOLERANCE, kind, bench)
+    room["g1_max_deg"] = _g1_max_deg(whole)
+    beside = {path: partial(_write_lines, lines, ground) for path in _line_files(request)}
+    beside |= {_sidecar(path): partial(_write_sidecar, ground, scale) for path in _shape_files(request)}
     report, written = write_files(
-        shape, report, dict(request) | {"name": request["name"] or "terrain"}, bench, paint=partial(_paint, report)
+        shape,
+        report,
+        dict(request) | {"name": request["name"] or "terrain", "outputs": _shape_files(request)},
+        bench,
+        paint=partial(_paint, report),
+        beside=beside,
     )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
@@ -63,11 +79,34 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
 
 
+def _check_request(request: Mapping[str, Any]) -> None:
+    if request["base_depth"] is not None and request["base_level"] is not None:
+        raise BadOption("--base-level", "say how deep the base lies or at which height, not both")
+    if _line_files(request) and request["contours"] is None:
+        raise BadOption("--contours", f"say at which interval the contours in {_line_files(request)[0]} lie")
+    if request["contours"] is not None and not _line_files(request):
+        raise BadOption("--contours", "name a .geojson file with -o for the contours")
+
+
+def _line_files(request: Mapping[str, Any]) -> list[str]:
+    return [path for path in request["outputs"] if Path(path).suffix.lower() == LINES_ENDING]
+
+
+def _shape_files(request: Mapping[str, Any]) -> list[str]:
+    return [path for path in request["outputs"] if Path(path).suffix.lower() != LINES_ENDING]
+
+
+def _sidecar(path: str) -> str:
+    return str(Path(path).with_suffix(".json"))
+
+
 def _read(request: Mapping[str, Any]) -> ContourMap:
     path = request["inputs"][0]
     if Path(path).suffix.lower() in GRID_ENDINGS:
         if request["interval"] is None:
             raise BadOption("--interval", f"{path} is a grid; say at which interval in metres to contour it")
+        if request["unit"] not in (None, "m"):
+            raise BadOption("--unit", f"{path} is a grid, which is read in metres; convert it first")
         return contour_grid(read_height_grid(path), request["interval"])
     if request["interval"] is not None:
         raise BadOption(
@@ -75,26 +114,107 @@ def _read(request: Mapping[str, Any]) -> ContourMap:
         )
     if Path(path).suffix.lower() not in CONTOUR_ENDINGS:
         raise BadOption("contours", f"{path}: give {' '.join(CONTOUR_ENDINGS)}, or a grid {' '.join(GRID_ENDINGS)}")
-    return read_contours(path, attribute=request["attribute"])
+    return read_contours(path, attribute=request["attribute"], unit=request["unit"])
 
 
-def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, ShapeKind]:
-    """The open shell of the ground, or the solid above the base that was asked for."""
+def _clipped(contours: ContourMap, clip: str | None) -> ContourMap:
+    if clip is None:
+        return contours
+    try:
+        box = np.array([float(word) for word in clip.split(",")]).reshape(2, 2)
+    except ValueError as problem:
+        raise BadOption("--clip", f"give four numbers, west,south,east,north, not {clip!r}") from problem
+    return clip_to_box(contours, box)
+
+
+def _new_contours(ground: Terrain, interval: float | None) -> ContourMap | None:
+    if interval is None:
+        return None
+    heights = ground.jets.height
+    first, last = np.ceil(heights.min() / interval), np.floor(heights.max() / interval)
+    return contours_at(ground, (interval * np.arange(first, last + 1)).tolist())
+
+
+def _to_be_cut(contours: ContourMap, ground: Terrain, level: float | None, bench: Bench) -> Terrain:
+    """The ground, made again with a contour at the base where that cuts it."""
+    if level is None or level < _lowest(terrain_network(ground)):
+        return ground
+    if level >= ground.jets.height.max():
+        raise BadOption("--base-level", f"must lie below the highest ground, {ground.jets.height.max():.2f} m")
+    added = None if (contours.heights == level).any() else contours_at(ground, [level])
+    if added is not None:
+        heights = [*contours.heights.tolist(), *added.heights.tolist()]
+        contours = ContourMap([*contours.lines, *added.lines], heights, contours.extent, contours.crs)
+    bench.doing("cutting at the base")
+    return terrain_surface(contours, TerrainOptions(tolerance=ground.tolerance), floor=level, doing=bench.doing)
+
+
+def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, ShapeKind, float]:
+    """The open shell of the ground, or the solids above the base that was asked for; and how long a metre is in it."""
     depth, level = request["base_depth"], request["base_level"]
-    if depth is not None and level is not None:
-        raise BadOption("--base-level", "say how deep the base lies or at which height, not both")
+    scale, steeper = _scale(request["scale"]), float(request["exaggerate"] or 1.0)
+    stretch = np.array([scale, scale, scale * steeper])
     network = terrain_network(ground)
-    if depth is None and level is None:
-        return network_shell(network, TOLERANCE), ShapeKind.SHELL
     lowest = _lowest(network)
-    if level is not None and level >= lowest:
-        raise BadOption("--base-level", f"must lie below the lowest ground, which is at {lowest:.2f} m")
-    return block_solid(network, lowest - depth if level is None else level, TOLERANCE), ShapeKind.SOLID
+    if depth is None and level is None:
+        return network_shell(stretched(network, stretch), TOLERANCE), ShapeKind.SHELL, scale
+    base = lowest - depth if level is None else level
+    grounds = [ground] if base < lowest else islands_above(ground, base)
+    solids = [block_solid(stretched(terrain_network(part), stretch), base * stretch[2], TOLERANCE) for part in grounds]
+    return side_by_side(solids), ShapeKind.SOLID if len(solids) == 1 else ShapeKind.COMPOUND, scale
+
+
+def _scale(text: str | None) -> float:
+    """Length in the file for one metre of the ground: 1, or 1/25000 for 1:25000."""
+    if text is None:
+        return 1.0
+    parts = text.split(":")
+    try:
+        over, under = (float(part) for part in parts)
+    except ValueError as problem:
+        raise BadOption("--scale", f"give it as 1:25000, not {text!r}") from problem
+    if not (over > 0 and under > 0 and np.isfinite(over / under)):
+        raise BadOption("--scale", f"give it as 1:25000, not {text!r}")
+    return over / under
 
 
 def _lowest(network: PatchNetwork) -> float:
-    """Height below which no patch reaches: the lowest control point."""
-    return min(float(patch.control_net[..., 2].min()) for patch in network.patches)
+    """Height of the lowest place, on a grid of samples of every patch and at every vertex."""
+    from recon.numerics.bernstein import bernstein
+
+    lowest = float(network.vertices[:, 2].min())
+    t = np.linspace(0.0, 1.0, 5)
+    for patch in network.patches:
+        z = patch.control_net[..., 2]
+        if z.min() < lowest:
+            lowest = min(lowest, float((bernstein(patch.degree_u, t) @ z @ bernstein(patch.degree_v, t).T).min()))
+    return lowest
+
+
+def _g1_max_deg(ground: Terrain) -> float:
+    """Largest angle in degrees between the patches along their common edges."""
+    return float(np.degrees(edge_angles(ground).max(initial=0.0)))
+
+
+def _write_lines(lines: ContourMap | None, ground: Terrain, path: Path) -> None:
+    rows = [] if lines is None else list(zip(lines.lines, lines.heights.tolist()))
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"elevation": height},
+            "geometry": {"type": "LineString", "coordinates": line.round(3).tolist()},
+        }
+        for line, height in rows
+    ]
+    content: dict[str, Any] = {"type": "FeatureCollection", "features": features}
+    if ground.crs:
+        content["crs"] = {"type": "name", "properties": {"name": ground.crs}}
+    path.write_text(json.dumps(content), encoding="utf-8")
+
+
+def _write_sidecar(ground: Terrain, scale: float, path: Path) -> None:
+    content = {"origin": [float(x) for x in ground.origin], "crs": ground.crs or None, "scale": scale, "unit": "m"}
+    path.write_text(json.dumps(content), encoding="utf-8")
 
 
 def _figures(contours: ContourMap, ground: Terrain, against: HeightGrid | None) -> dict[str, Any]:
@@ -122,7 +242,19 @@ def _figures(contours: ContourMap, ground: Terrain, against: HeightGrid | None) 
         if not inside.any():
             raise BadOption("--against", "the grid and the contours have no place in common")
         figures["rmse"] = float(np.sqrt((miss[inside] ** 2).mean()))
+        figures["mid_contour"] = _mid_contours(contours, ground, against)
     return figures
+
+
+def _mid_contours(contours: ContourMap, ground: Terrain, against: HeightGrid) -> dict[str, float] | None:
+    """Distances in plan from the ground's contours halfway between the given heights to those of the grid itself."""
+    levels = np.unique(contours.heights)
+    middles = ((levels[:-1] + levels[1:]) / 2).tolist()
+    found = distances_between(contours_at(ground, middles), contour_levels(against, middles))
+    if found is None:
+        return None
+    mean, median, p90 = found.mean(), np.median(found), np.quantile(found, 0.9)
+    return {"mean": float(mean), "median": float(median), "p90": float(p90)}
 
 
 def _paint(report: CheckReport, path: Path) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.self_intersection import crossing_triangles
 
-__all__ = ["Defect", "triangle_mesh_defects"]
+__all__ = ["Defect", "cutting_pairs", "triangle_mesh_defects"]
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,11 @@ def triangle_mesh_defects(mesh: TriangleMesh, *, closed: bool = True, margin: fl
     return defects + (
         [_counted("mesh-cuts-itself", "pairs of triangles that cut each other", places)] if len(places) else []
     )
+
+
+def cutting_pairs(mesh: TriangleMesh) -> NDArray[np.int64]:
+    """(n, 2) pairs of triangles that cut each other."""
+    return crossing_triangles(mesh.vertices, mesh.face_vertices)[0]
 
 
 def _counted(code: str, what: str, places: NDArray[np.float64]) -> Defect:

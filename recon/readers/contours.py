@@ -1,6 +1,8 @@
-"""Contour lines from files: GeoJSON, and CSV with one point a row.
+"""Contour lines from files: GeoJSON, DXF, CSV with one point a row, and what pyogrio reads (Shapefile, GeoPackage).
 
 GeoJSON  LineString and MultiLineString, the height in a property (ELEV, elevation, height, z ...) or in the coordinates
+DXF      polylines with an elevation, and 3D polylines of one height; the unit of its header is checked
+SHP, GPKG  as GeoJSON, with the extra `gis`
 CSV      columns x, y, z and, where contours of one height follow each other, a column `line` that numbers them
 """
 
@@ -16,29 +18,116 @@ from numpy.typing import NDArray
 
 from recon.errors import BadGeometry, BadOption, UnreadableFile
 from recon.geometry.contour_map import ContourMap
-from recon.readers.content import file_text
+from recon.readers.content import file_text, require_plain_file
 
 __all__ = ["CONTOUR_ENDINGS", "read_contours"]
 
 Floats = NDArray[np.float64]
 
-CONTOUR_ENDINGS = (".geojson", ".csv")
+CONTOUR_ENDINGS = (".geojson", ".csv", ".dxf", ".shp", ".gpkg")
+METRES = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937}
+DXF_UNITS = {1: "inches", 2: "ft", 4: "millimetres", 5: "centimetres", 6: "m", 7: "kilometres", 21: "us-ft"}
 HEIGHT_NAMES = ("elev", "elevation", "height", "z", "ele", "level", "contour", "hoehe", "alt", "altitude")
 
 
-def read_contours(path: str | Path, *, attribute: str | None = None) -> ContourMap:
+def read_contours(path: str | Path, *, attribute: str | None = None, unit: str | None = None) -> ContourMap:
     """Contour map of a file, in the file's own plane coordinates, which have to be metres.
 
     attribute  name of the property that holds the height; None: a usual name, else the third coordinate
+    unit       m, ft or us-ft: what coordinates and heights are in, if not metres; the map comes in metres
     Raises     UnreadableFile, UnsupportedFormat, BadGeometry naming the first contour that cannot be used, BadOption.
     """
-    text = file_text(path, CONTOUR_ENDINGS)
-    is_csv = Path(path).suffix.lower() == ".csv"
-    lines, heights, crs = _csv(text, str(path)) if is_csv else _geojson(text, str(path), attribute)
+    if unit is not None and unit not in METRES:
+        raise BadOption("--unit", f"must be one of {', '.join(METRES)}, not {unit!r}")
+    file = require_plain_file(path, CONTOUR_ENDINGS)
+    name, ending = str(path), file.suffix.lower()
+    told = unit
+    if ending == ".dxf":
+        lines, heights, crs, told = _dxf(file, unit)
+    elif ending in (".shp", ".gpkg"):
+        lines, heights, crs = _by_pyogrio(file, attribute)
+    elif ending == ".csv":
+        lines, heights, crs = _csv(file_text(path, CONTOUR_ENDINGS), name)
+    else:
+        lines, heights, crs = _geojson(file_text(path, CONTOUR_ENDINGS), name, attribute)
     if not lines:
-        raise UnreadableFile(str(path), "holds no contour lines")
-    _refuse_degrees(lines, crs, str(path))
-    return ContourMap(lines, heights, crs=crs)
+        raise UnreadableFile(name, "holds no contour lines")
+    _refuse_degrees(lines, crs, name)
+    metres = METRES[told or "m"]
+    return ContourMap([metres * line for line in lines], metres * np.array(heights), crs=crs)
+
+
+def _dxf(path: Path, unit: str | None) -> tuple[list[Floats], list[float], str, str]:
+    """Polylines of a drawing and the unit they are in: the one given, or the header's where that is a map's."""
+    from ezdxf import recover
+    from ezdxf.lldxf.const import DXFError
+
+    try:
+        drawing, _ = recover.readfile(path)
+    except (OSError, DXFError, ValueError, UnicodeDecodeError) as problem:
+        raise UnreadableFile(str(path), f"is no DXF drawing ({problem})") from problem
+    header = DXF_UNITS.get(int(drawing.header.get("$INSUNITS", 0)), "m")
+    if unit is None and header not in METRES:
+        raise UnreadableFile(
+            str(path), f"says that it is drawn in {header}", "Say --unit m if its numbers are metres, as maps often are"
+        )
+    lines, heights = [], []
+    for number, entity in enumerate(drawing.modelspace().query("LWPOLYLINE POLYLINE LINE")):
+        points = _dxf_points(entity)
+        if len(points) < 2:
+            raise BadGeometry(f"contour {number}", "has one vertex only")
+        if np.ptp(points[:, 2]) > 1e-6:
+            raise BadGeometry(f"contour {number}", f"changes its height along the line, near {_at(points[0])}")
+        lines.append(points[:, :2])
+        heights.append(float(points[0, 2]))
+    return lines, heights, "", unit or header
+
+
+def _dxf_points(entity: Any) -> Floats:
+    if entity.dxftype() == "LINE":
+        points = [entity.dxf.start, entity.dxf.end]
+    elif entity.dxftype() == "LWPOLYLINE":
+        points = list(entity.vertices_in_wcs())
+    else:
+        points = list(entity.points_in_wcs())
+    rows = np.array([(p.x, p.y, p.z) for p in points]).reshape(-1, 3)
+    is_ring = entity.dxftype() != "LINE" and bool(entity.is_closed)
+    if is_ring and len(rows) and (rows[0] != rows[-1]).any():
+        rows = np.vstack([rows, rows[:1]])
+    return rows
+
+
+def _at(point: Floats) -> str:
+    return f"({point[0]:.1f}, {point[1]:.1f})"
+
+
+def _by_pyogrio(path: Path, attribute: str | None) -> tuple[list[Floats], list[float], str]:
+    """Lines of a Shapefile or GeoPackage, read as the features of a GeoJSON file are."""
+    try:
+        import pyogrio
+        import shapely
+    except ImportError as problem:
+        raise UnreadableFile(str(path), "needs pyogrio", "Install recon-brep[gis]") from problem
+    try:
+        facts, _, geometries, columns = pyogrio.raw.read(path)
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ValueError) as problem:
+        raise UnreadableFile(str(path), f"cannot be read ({problem})") from problem
+    features = []
+    for row, geometry in enumerate(shapely.from_wkb(geometries)):
+        properties = {name: _plain(column[row]) for name, column in zip(facts["fields"], columns)}
+        features.append(
+            {
+                "properties": properties,
+                "geometry": None if geometry is None else json.loads(shapely.to_geojson(geometry)),
+            }
+        )
+    lines, heights, _ = _geojson(json.dumps({"features": features}), str(path), attribute)
+    return lines, heights, str(facts.get("crs") or "")
+
+
+def _plain(value: Any) -> Any:
+    value = value.item() if hasattr(value, "item") else value
+    return value if isinstance(value, (int, float, str)) and value == value else None
 
 
 def _refuse_degrees(lines: list[Floats], crs: str, name: str) -> None:

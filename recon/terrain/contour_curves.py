@@ -7,7 +7,7 @@ A contour of the map is one spline with continuous curvature; `span` keeps its p
 neighbouring segments can be compared: dc/ds = (dc/dt) / span.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ class ContourCurves:
     closed   (C,) whether the contour closes
     heights  (C,)
     start, end  (M,) vertex at either end; an open contour has one vertex more than segments
+    straight    (M,) whether the segment replaces a kink shorter than anybody sees: the ground is level at its ends
     """
 
     bezier: Floats
@@ -39,6 +40,7 @@ class ContourCurves:
     heights: Floats
     start: Ints
     end: Ints
+    straight: NDArray[np.bool_]
 
     @property
     def n_vertices(self) -> int:
@@ -69,6 +71,19 @@ class ContourCurves:
         )
         return first, second
 
+    def kinks(self) -> NDArray[np.bool_]:
+        """(V,) whether a vertex ends a straight segment, so that tangent and curvature may jump there."""
+        kinked = np.zeros(self.n_vertices, dtype=bool)
+        kinked[self.start[self.straight]] = kinked[self.end[self.straight]] = True
+        return kinked
+
+    def straightened(self, chosen: NDArray[np.bool_]) -> "ContourCurves":
+        """The same curves with the chosen segments replaced by their chords."""
+        bezier = self.bezier.copy()
+        share = np.linspace(0.0, 1.0, 4)[:, None]
+        bezier[chosen] = (1 - share) * bezier[chosen, :1] + share * bezier[chosen, 3:]
+        return replace(self, bezier=bezier, straight=self.straight | chosen)
+
     def lengths(self) -> Floats:
         """(M,) arc length of every segment, by its polygon through nine points."""
         points = np.einsum("tk,mkd->mtd", bernstein(3, np.linspace(0, 1, 9)), self.bezier)
@@ -88,9 +103,10 @@ class ContourCurves:
         bezier = self.bezier[rows].copy()
         halves = np.einsum("jk,mkd->mjd", _HALVING, self.bezier[chosen])
         bezier[first], bezier[second] = halves[:, :4], halves[:, 3:]
-        return segments_of(
+        halved = segments_of(
             bezier, np.where(chosen, 0.5, 1.0)[rows] * self.span[rows], self.contour[rows], self.closed, self.heights
         )
+        return replace(halved, straight=self.straight[rows])
 
 
 _HALVING = (
@@ -108,4 +124,4 @@ def segments_of(
     start = np.arange(len(contour)) + opened
     head = start[first][np.cumsum(first) - 1]
     end = np.where(last & closed[contour], head, start + 1)
-    return ContourCurves(bezier, span, contour, closed, heights, start, end)
+    return ContourCurves(bezier, span, contour, closed, heights, start, end, np.zeros(len(contour), dtype=bool))

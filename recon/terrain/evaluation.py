@@ -13,7 +13,7 @@ from recon.numerics.bernstein import bernstein, bernstein_derivative
 from recon.terrain.merging import plan_sides
 from recon.terrain.pipeline import Terrain
 
-__all__ = ["contour_distances", "elevations", "sampled_triangles"]
+__all__ = ["contour_distances", "distances_between", "edge_angles", "elevations", "sampled_triangles"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -147,3 +147,48 @@ def _to_polylines(places: Floats, rows: Floats) -> Floats:
     off = places[:, None] - start[near]
     share = np.clip(np.einsum("nkd,nkd->nk", off, way) / square, 0.0, 1.0)
     return np.linalg.norm(off - share[..., None] * way, axis=2).min(axis=1)
+
+
+def distances_between(ours: ContourMap | None, theirs: ContourMap | None) -> Floats | None:
+    """(m,) distances in plan from the points of our contours to their contours of the same height."""
+    out: list[Floats] = []
+    for height in np.unique([] if ours is None or theirs is None else ours.heights).tolist():
+        given = [line for line, z in zip(theirs.lines, theirs.heights) if z == height]  # type: ignore[union-attr]
+        found = [line for line, z in zip(ours.lines, ours.heights) if z == height]  # type: ignore[union-attr]
+        if given:
+            legs = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in given])
+            tree = shapely.STRtree(shapely.linestrings(legs))
+            points = shapely.points(np.concatenate(found))
+            out.append(np.asarray(tree.query_nearest(points, return_distance=True, all_matches=False)[1]))
+    return np.concatenate(out) if out else None
+
+
+def edge_angles(terrain: Terrain, samples: int = 5) -> Floats:
+    """(n,) angles in radians between the tangent planes of two patches at points of their common edges."""
+    t = (np.arange(samples) + 0.5) / samples
+    n_edges = len(terrain.tiling.edges)
+    normals = np.full((n_edges, 2, samples, 3), np.nan)
+    count = np.zeros(n_edges, dtype=np.int64)
+    layout = terrain.layout
+    for part in terrain.nets:
+        for side, (u, v) in enumerate(((t, 0 * t), (0 * t + 1, t), (t, 0 * t + 1), (0 * t, t))):
+            edge = layout.side_edges[part.rows, side]
+            used = np.flatnonzero(edge >= 0)
+            normal = _normals(part.nets[used], part.degree, u, v)
+            normal = np.where(layout.side_forward[part.rows[used], side][:, None, None], normal, normal[:, ::-1])
+            order = np.argsort(edge[used], kind="stable")
+            sorted_edges = edge[used][order]
+            again = np.r_[False, sorted_edges[1:] == sorted_edges[:-1]].astype(np.int64)
+            slot = count[sorted_edges] + again
+            normals[sorted_edges, slot] = normal[order]
+            np.add.at(count, edge[used], 1)
+    both = normals[count == 2]
+    return np.asarray(np.arcsin(np.clip(np.linalg.norm(np.cross(both[:, 0], both[:, 1]), axis=2), 0, 1))).ravel()
+
+
+def _normals(nets: Floats, degree: int, u: Floats, v: Floats) -> Floats:
+    """(n, m, 3) unit normals of Bezier patches at m parameters."""
+    bu, bv, du, dv = bernstein(degree, u), bernstein(5, v), bernstein_derivative(degree, u), bernstein_derivative(5, v)
+    along = [np.einsum("mi,nijd,mj->nmd", a, nets, b, optimize=True) for a, b in ((du, bv), (bu, dv))]
+    normal = np.cross(along[0], along[1])
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-300))

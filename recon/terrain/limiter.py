@@ -21,16 +21,24 @@ Floats = NDArray[np.float64]
 ROUNDS = 20
 FACTORS = 0.3, 0.8  # a round scales the jets of a patch by at least and at most so much
 BEYOND, BEYOND_ENDED = 0.04, 0.25  # shares of the interval between contours, and on summits, in pits, beside the border
+LEAST = 1e-9  # of the interval: what may be rounding
 SAMPLES = np.linspace(0.0, 1.0, 9)
 
 
 def limited_jets(
-    tiling: Tiling, layout: PatchLayout, jets: VertexJets, limits: Levels, interval: float
+    tiling: Tiling,
+    layout: PatchLayout,
+    jets: VertexJets,
+    limits: Levels,
+    interval: float,
+    floor: float | None = None,
 ) -> tuple[VertexJets, tuple[PatchNets, PatchNets]]:
-    """Jets scaled down where needed, and the patches made from them."""
+    """Jets scaled down where needed, and the patches made from them; none above a floor dips below it."""
     strip = limits.strip[layout.face]
     allowed = np.where(limits.ended[strip], BEYOND_ENDED, BEYOND) * interval
     low, high = limits.low[strip], limits.high[strip]
+    if floor is not None:
+        allowed = np.where(low == floor, LEAST * interval, allowed)
     nets = patch_nets(tiling, layout, jets)
     changed, parts = np.arange(len(allowed)), nets
     for _ in range(ROUNDS):

@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
 from recon.terrain.contour_curves import ContourCurves
+from recon.terrain.faults import checked_contours
 from recon.terrain.levels import levels
 from recon.terrain.limiter import limited_jets
 from recon.terrain.merging import PatchLayout, is_folded, merged_layout, plan_sides, triangle_layout
@@ -34,10 +35,11 @@ Floats = NDArray[np.float64]
 
 SHARE_OF_SPACING = 0.28  # the tolerance, where none is given, as a share of the distance between the given points
 MOST_TURNING = np.radians(90.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
+TINY = 0.2  # of the tolerance: segments below it are not split for their turning
 BORDER_STEP = 6.0  # spacings of the points between free vertices on the border
-SPECK = 2.0  # tolerances that a closed contour is long at least
+SPECK = 0.05  # tolerances that a closed contour is long at least
 MOST_NAMED = 5
-REFITS, UNFOLDINGS = 6, 12
+REFITS, TIGHTENINGS, UNFOLDINGS = 9, 3, 12
 
 
 @dataclass(frozen=True)
@@ -45,10 +47,12 @@ class TerrainOptions:
     """What a user may choose.
 
     tolerance  metres that a contour's curve may stay from the points given; None: 0.28 of their spacing
+    mend       leave out contours that repeat another
     Raises  BadOption.
     """
 
     tolerance: float | None = None
+    mend: bool = False
 
     def __post_init__(self) -> None:
         if self.tolerance is not None and not 0 < self.tolerance < np.inf:
@@ -65,6 +69,8 @@ class Terrain:
     extent   (2, 2) corners of the map, in local coordinates
     interval metres of height between neighbouring contours
     tolerance  metres, as used
+    strip    (F,) strip of every triangle of the tiling: strips are parted by contours
+    crs      name of the coordinate reference system, or an empty text
     notes    what a user should know about how it was made
     """
 
@@ -76,6 +82,8 @@ class Terrain:
     extent: Floats
     interval: float
     tolerance: float
+    strip: NDArray[np.int64]
+    crs: str = ""
     notes: tuple[str, ...] = field(default=())
 
     @property
@@ -87,10 +95,12 @@ def terrain_surface(
     contours: ContourMap,
     options: TerrainOptions | None = None,
     *,
+    floor: float | None = None,
     doing: Callable[[str], None] = lambda step: None,
 ) -> Terrain:
     """A ground through the contours, of polynomial patches whose tangent planes agree along every common edge.
 
+    floor     height of a contour below which no patch above it may dip, since a base lies there
     doing     called with the name of each step
     Promises  no patch folds; heights stay near those of their patch's corners, as the limiter says.
     Raises    BadGeometry naming height and place, where contours cross or a patch cannot be unfolded; BadOption.
@@ -99,7 +109,9 @@ def terrain_surface(
     options = options or TerrainOptions()
     tolerance = options.tolerance or SHARE_OF_SPACING * point_spacing(contours)
     origin = np.round(contours.extent.mean(axis=0))
-    kept, notes = _without_specks(contours, tolerance)
+    sound, told = checked_contours(contours, tolerance, mend=options.mend)
+    kept, notes = _without_specks(sound, tolerance)
+    notes = told + notes
     local = _ended_on_border(kept.moved(origin), tolerance)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
@@ -110,8 +122,10 @@ def terrain_surface(
         limits = levels(tiling, interval)
         jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
         doing("making the patches")
-        jets, nets = limited_jets(tiling, layout, jets, limits, interval)
-    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance, notes)
+        jets, nets = limited_jets(tiling, layout, jets, limits, interval, floor)
+    return Terrain(
+        origin, tiling, layout, jets, nets, local.extent, interval, tolerance, limits.strip, contours.crs, notes
+    )
 
 
 def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap, tuple[str, ...]]:
@@ -154,10 +168,11 @@ def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
     tight = np.empty((0, 2))
     step = BORDER_STEP * point_spacing(contours)
     for attempt in range(REFITS):
-        curves = _supple(fit_contours(contours, tolerance, tight))
+        allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
+        curves = _supple(fit_contours(contours, allowed, tight), allowed)
         try:
             tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
-            return _unfolded(tiling, contours.extent, free, (step, origin))
+            return _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin))
         except CurvesMeet as meeting:
             if attempt == REFITS - 1:
                 raise CurvesMeet(meeting.places, meeting.height, origin) from meeting
@@ -165,16 +180,20 @@ def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
     raise AssertionError("the loop returns or raises")
 
 
-def _supple(curves: ContourCurves) -> ContourCurves:
-    """The curves split until no segment turns by much."""
-    while (bent := curves.turning() > MOST_TURNING).any():
-        curves = curves.split(bent)
+def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
+    """The curves split until no segment turns by much; kinks that are left when segments get tiny become chords."""
+    while (bent := (curves.turning() > MOST_TURNING) & ~curves.straight).any():
+        tiny = bent & (np.linalg.norm(curves.bezier[:, 3] - curves.bezier[:, 0], axis=1) < TINY * tolerance)
+        curves = curves.straightened(tiny).split(bent & ~tiny)
     return curves
 
 
-def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, Floats]) -> Tiling:
-    """The tiling with contour segments halved until no triangle's plan map folds; `grid`: border step, map origin."""
-    step, origin = grid
+def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, float, Floats]) -> Tiling:
+    """The tiling with contour segments halved, or made chords when tiny, until no triangle's plan map folds.
+
+    grid  border step, length below which a segment is tiny, map origin
+    """
+    step, tiny, origin = grid
     for _ in range(UNFOLDINGS):
         layout = triangle_layout(tiling)
         folded = is_folded(*plan_sides(tiling, layout), layout.is_triangle)
@@ -186,7 +205,9 @@ def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, F
         chosen[segments[segments >= 0]] = True
         new = tiling.points[tiling.triangles[flat]].mean(axis=1)
         free = np.vstack([free, new])
-        tiling = tile(tiling.curves.split(chosen), extent, free, border_step=step)
+        b = tiling.curves.bezier
+        small = chosen & ~tiling.curves.straight & (np.linalg.norm(b[:, 3] - b[:, 0], axis=1) < tiny)
+        tiling = tile(tiling.curves.straightened(small).split(chosen & ~small), extent, free, border_step=step)
     where = tiling.points[layout.corners[folded | flat, 0]][0] + origin
     raise BadGeometry(
         "contours", f"{int(folded.sum())} patches stay folded, the first near ({where[0]:.1f}, {where[1]:.1f})"

@@ -326,4 +326,4 @@ def _closed_exactly(curves: ContourCurves) -> ContourCurves:
     points = curves.vertices()
     bezier = curves.bezier.copy()
     bezier[:, 3] = points[curves.end]
-    return ContourCurves(bezier, curves.span, curves.contour, curves.closed, curves.heights, curves.start, curves.end)
+    return replace(curves, bezier=bezier)

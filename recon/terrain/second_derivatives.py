@@ -66,7 +66,10 @@ def vertex_jets(tiling: Tiling, slopes: VertexSlopes) -> VertexJets:
         + tn[:, None, None] * (frame_t[:, :, None] * frame_n[:, None, :] + frame_n[:, :, None] * frame_t[:, None, :])
         + nn[:, None, None] * frame_n[:, :, None] * frame_n[:, None, :]
     )
-    return VertexJets(slopes.height, slopes.gradient, hessian)
+    gradient = slopes.gradient.copy()
+    level = np.flatnonzero(tiling.curves.kinks())
+    gradient[level], hessian[level] = 0.0, 0.0
+    return VertexJets(slopes.height, gradient, hessian)
 
 
 def _change_along(curves: ContourCurves, slope: Floats) -> Floats:

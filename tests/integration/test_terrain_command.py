@@ -44,8 +44,37 @@ def test_a_grid_needs_an_interval(hill, tmp_path):
     assert "--interval" in answer.output
 
 
-def test_a_base_inside_the_ground_is_refused(hill, tmp_path):
-    answer = run(hill[0], "--interval", 10, "--base-level", 20, "-o", tmp_path / "hill.step")
+def test_a_base_above_the_ground_is_refused(hill, tmp_path):
+    answer = run(hill[0], "--interval", 10, "--base-level", 99, "-o", tmp_path / "hill.step")
     assert answer.exit_code == 2
     assert "--base-level" in answer.output
     assert not (tmp_path / "hill.step").exists()
+
+
+def test_a_base_inside_the_ground_leaves_an_island_and_contours_come_beside_it(hill, tmp_path):
+    out, lines = tmp_path / "island.step", tmp_path / "lines.geojson"
+    answer = run(hill[0], "--interval", 10, "--base-level", 23, "--contours", 5, "-o", out, "-o", lines, "--json")
+    result = json.loads(answer.stdout)
+    assert result["reasons"] == []
+    assert result["kernel"]["closed"]
+    assert result["kernel"]["bounding_box"][0][2] == pytest.approx(23, abs=1e-3)
+    heights = {feature["properties"]["elevation"] for feature in json.loads(lines.read_text())["features"]}
+    assert {25.0, 30.0} <= heights
+    assert json.loads((tmp_path / "island.json").read_text())["origin"] == result["room"]["origin"]
+
+
+def test_a_scale_makes_a_model_of_that_size(hill, tmp_path):
+    sizes = []
+    for scale in ("1:1", "1:100"):
+        answer = run(
+            hill[0], "--interval", 10, "--base-depth", 5, "--scale", scale, "-o", tmp_path / "a.step", "--json"
+        )
+        sizes.append(json.loads(answer.stdout)["kernel"]["volume"])
+    assert sizes[0] / sizes[1] == pytest.approx(1e6, rel=1e-3)
+
+
+@pytest.mark.parametrize("options", [["--scale", "half"], ["--clip", "1,2,3"], ["--contours", "5"], ["--unit", "mile"]])
+def test_options_that_make_no_sense_are_named(hill, tmp_path, options):
+    answer = run(hill[0], "--interval", 10, "-o", tmp_path / "a.step", *options)
+    assert answer.exit_code == 2
+    assert options[0] in answer.output

@@ -130,3 +130,43 @@ def test_a_grid_with_voids_is_refused_with_the_place():
 def test_an_interval_has_to_give_contours(interval):
     with pytest.raises(BadOption, match="--interval"):
         contour_grid(mountain_grid(1), interval)
+
+
+def drawing(path, unit, closed=False):
+    import ezdxf
+
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = unit
+    space = document.modelspace()
+    space.add_lwpolyline([(0, 0), (1000, 500), (2000, 0)], dxfattribs={"elevation": 40}, close=closed)
+    space.add_polyline3d([(0, 900, 50), (900, 1000, 50), (2000, 900, 50)])
+    document.saveas(path)
+    return path
+
+
+def test_dxf_gives_polylines_at_their_elevation(tmp_path):
+    contours = read_contours(drawing(tmp_path / "map.dxf", 6, closed=True))
+    assert contours.heights.tolist() == [40.0, 50.0]
+    assert (contours.lines[0][0] == contours.lines[0][-1]).all()
+
+
+def test_dxf_in_inches_is_asked_about_and_feet_become_metres(tmp_path):
+    with pytest.raises(UnreadableFile, match=r"inches.*--unit m"):
+        read_contours(drawing(tmp_path / "map.dxf", 1))
+    assert read_contours(tmp_path / "map.dxf", unit="m").heights.tolist() == [40.0, 50.0]
+    assert read_contours(tmp_path / "map.dxf", unit="ft").heights.tolist() == [40 * 0.3048, 50 * 0.3048]
+
+
+@pytest.mark.parametrize("ending", ["gpkg", "shp"])
+def test_geopackage_and_shapefile_give_back_lines_and_heights(tmp_path, ending):
+    pyogrio, shapely = pytest.importorskip("pyogrio"), pytest.importorskip("shapely")
+    contours = mountain_contours(3)
+    path = tmp_path / f"map.{ending}"
+    wkb = np.array([shapely.to_wkb(shapely.LineString(line)) for line in contours.lines], dtype=object)
+    pyogrio.raw.write(
+        path, wkb, [contours.heights], ["ELEV"], geometry_type="LineString", crs="EPSG:26910", layer="map"
+    )  # fmt: skip
+    again = read_contours(path)
+    assert "26910" in again.crs
+    np.testing.assert_array_equal(again.heights, contours.heights)
+    np.testing.assert_allclose(np.concatenate(again.lines), np.concatenate(contours.lines), atol=1e-9)

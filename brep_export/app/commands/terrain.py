@@ -43,11 +43,24 @@ def terrain(
     ] = None,
     interval: Annotated[float | None, typer.Option(help="Contour a grid at multiples of so many metres.")] = None,
     attribute: Annotated[str | None, typer.Option(help="Property of the lines that holds their height.")] = None,
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of the map's coordinates and heights: m or ft. Default: metres.")
+    ] = None,
+    clip: Annotated[str | None, typer.Option(help="Box to keep: west,south,east,north in map coordinates.")] = None,
+    contours: Annotated[
+        float | None, typer.Option(help="Contours of the smooth ground at so many metres, into a .geojson.", min=1e-6)
+    ] = None,
+    scale: Annotated[str | None, typer.Option(help="Scale of the model, as 1:25000.")] = None,
+    exaggerate: Annotated[float | None, typer.Option(help="Stretch heights by this factor.", min=1e-6)] = None,
+    mend: Annotated[
+        bool, typer.Option("--mend", help="Leave out contours that repeat another; each is named.")
+    ] = False,
     base_depth: Annotated[
         float | None, typer.Option(help="Close to a solid, its base so many metres below the ground.", min=1e-3)
     ] = None,
     base_level: Annotated[
-        float | None, typer.Option(help="Close to a solid, its base at this height in metres.")
+        float | None,
+        typer.Option(help="Close to a solid, its base at this height in metres; where it cuts the ground, islands."),
     ] = None,
     against: Annotated[Path | None, typer.Option(help="Height grid to measure the ground against.")] = None,
     schema: ProtocolSchema = Schema.AP214,
@@ -62,4 +75,4 @@ def terrain(
     debug: Debug = False,
 ) -> None:
     """Smooth mountain of G1 faces, or a solid, from contour lines."""
-    answer("terrain", JOB, locals(), header_unit="M")
+    answer("terrain", JOB, locals() | {"more_endings": (".geojson",)}, header_unit="M")

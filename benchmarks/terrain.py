@@ -1,0 +1,166 @@
+"""Contour lines to a mountain: how near, how many faces, how fast, beside other interpolations of the same contours.
+
+python benchmarks/terrain.py            heights and contours halfway, all methods, one run
+python benchmarks/terrain.py --growth   seconds and memory against the number of contour points
+
+Mountains: generated ones, and the real ones where they lie beside the checkout. Errors are root mean squares in metres
+against the grid that was contoured, at those of its places that the triangulation of the contour points covers.
+"""
+
+import argparse
+import resource
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.interpolate import (
+    CloughTocher2DInterpolator,
+    LinearNDInterpolator,
+    RBFInterpolator,
+    RegularGridInterpolator,
+)
+from scipy.sparse.linalg import splu
+
+from recon.geometry.contour_map import ContourMap, HeightGrid
+from recon.readers.height_grids import read_height_grid
+from recon.terrain.contouring import contour_grid, contour_levels
+from recon.terrain.evaluation import contour_distances, distances_between, elevations
+from recon.terrain.pipeline import terrain_surface
+
+Floats = NDArray[np.float64]
+Heights = Callable[[Floats], Floats]
+
+DATA = Path(__file__).parents[2] / "shared" / "data" / "terrain"
+NEIGHBOURS = 50  # of the radial basis functions
+
+
+def fractal_mountain(n: int, cell: float, seed: int, roughness: float = 2.2) -> HeightGrid:
+    """(n, n) heights of a random surface with a power spectrum, between 0 and a tenth of its width."""
+    random = np.random.default_rng(seed)
+    k = np.hypot(*np.meshgrid(np.fft.fftfreq(n), np.fft.fftfreq(n)))
+    k[0, 0] = np.inf
+    z = np.fft.ifft2(np.fft.fft2(random.normal(size=(n, n))) * k**-roughness).real
+    axis = cell * np.arange(n)
+    return HeightGrid(axis, axis, 0.1 * n * cell * (z - z.min()) / np.ptp(z))
+
+
+def mountains() -> Iterator[tuple[str, HeightGrid, float]]:
+    """Name, grid and contour interval of each."""
+    yield "fractal, smooth", fractal_mountain(120, 10.0, 1, 3.0), 10.0
+    yield "fractal, rough", fractal_mountain(120, 10.0, 2), 10.0
+    if (DATA / "maunga_whau_10m.json").exists():
+        yield "maunga_whau", read_height_grid(DATA / "maunga_whau_10m.json"), 20.0
+    if (DATA / "st_helens_10m.tif").exists():
+        grid = read_height_grid(DATA / "st_helens_10m.tif")
+        yield "St Helens", grid, 20.0
+        yield "St Helens", grid, 50.0
+
+
+def triangulation(contours: ContourMap) -> tuple[Heights, int]:
+    points, heights = _points(contours)
+    flat = LinearNDInterpolator(points, heights)
+    return flat, len(flat.tri.simplices)
+
+
+def radial(contours: ContourMap) -> Heights:
+    points, heights = _points(contours)
+    chosen = np.random.default_rng(0).permutation(len(points))[:15_000]
+    return RBFInterpolator(points[chosen], heights[chosen], neighbors=NEIGHBOURS)  # type: ignore[no-any-return]
+
+
+def minimum_curvature(contours: ContourMap, cell: float) -> Heights:
+    """The grid that bends least, through the contour points by bilinear interpolation."""
+    points, heights = _points(contours)
+    (x0, y0), (x1, y1) = contours.extent
+    x, y = np.arange(x0, x1 + cell, cell), np.arange(y0, y1 + cell, cell)
+    nx, ny = len(x), len(y)
+    second = [sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(n - 2, n)) for n in (nx, ny)]
+    first = [sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(n - 1, n)) for n in (nx, ny)]
+    rows = sparse.vstack([
+        sparse.kron(sparse.eye_array(ny), second[0]),
+        sparse.kron(second[1], sparse.eye_array(nx)),
+        np.sqrt(2.0) * sparse.kron(first[1], first[0]),
+    ])  # fmt: skip
+    u, v = (points - (x0, y0)).T / cell
+    i, j = np.minimum(u.astype(int), nx - 2), np.minimum(v.astype(int), ny - 2)
+    s, t = u - i, v - j
+    at = np.arange(len(points))
+    parts = [((1 - s) * (1 - t), j * nx + i), (s * (1 - t), j * nx + i + 1),
+             ((1 - s) * t, (j + 1) * nx + i), (s * t, (j + 1) * nx + i + 1)]  # fmt: skip
+    place = sum(sparse.csr_array((w, (at, k)), shape=(len(points), nx * ny)) for w, k in parts)
+    matrix = sparse.csc_array(rows.T @ rows + 10.0 * place.T @ place)
+    z = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(10.0 * place.T @ heights)
+    return RegularGridInterpolator((x, y), z.reshape(ny, nx).T, bounds_error=False)  # type: ignore[no-any-return]
+
+
+def _points(contours: ContourMap) -> tuple[Floats, Floats]:
+    points = np.vstack(contours.lines)
+    heights = np.repeat(contours.heights, [len(line) for line in contours.lines])
+    points, first = np.unique(points, axis=0, return_index=True)
+    return points, heights[first]
+
+
+def compared(name: str, grid: HeightGrid, interval: float) -> None:
+    contours = contour_grid(grid, interval)
+    places, heights = grid.places()
+    flat, n_triangles = triangulation(contours)
+    covered = np.isfinite(flat(places))
+    places, heights = places[covered], heights[covered]
+    levels = np.unique(contours.heights)
+    middles = ((levels[1:] + levels[:-1]) / 2).tolist()
+    truth = contour_levels(grid, middles)
+    begin = time.process_time()
+    ground = terrain_surface(contours)
+    seconds = time.process_time() - begin
+    error = contour_distances(ground, contours)
+    print(
+        f"\n{name} at {interval:g} m: {contours.n_points} points, {n_triangles} triangles; {ground.n_patches} patches"
+    )
+    print(
+        f"  in {seconds:.1f} s; curves {error.mean():.2f} m off the given points on average, {error.max():.2f} at most"
+    )
+    print("                       rms m   to TIN   contours halfway: mean, median, 90 %")
+    methods: dict[str, Heights] = {
+        "TIN": flat,
+        "Clough-Tocher": CloughTocher2DInterpolator(*_points(contours)),
+        "radial basis, 50 near": radial(contours),
+        "minimum curvature": minimum_curvature(contours, 2.0 * float(grid.x[1] - grid.x[0])),
+        "recon terrain": lambda at: elevations(ground, at)[0],
+    }
+    base = None
+    for label, method in methods.items():
+        miss = method(places) - heights
+        rms = float(np.sqrt(np.nanmean(miss**2)))
+        base = base or rms
+        everywhere = method(grid.places()[0]).reshape(grid.heights.shape)
+        found = distances_between(contour_levels(HeightGrid(grid.x, grid.y, everywhere), middles), truth)
+        halfway = [] if found is None else [found.mean(), np.median(found), np.quantile(found, 0.9)]
+        figures = " ".join(f"{figure:7.2f}" for figure in halfway)
+        print(f"  {label:<22}{rms:6.2f}   {rms / base:5.3f}   {figures}", flush=True)
+
+
+def growth() -> None:
+    print("\ncontour points   patches   seconds   s per 100,000   MiB at most so far")
+    for n in (100, 200, 400, 800, 1600, 2400):
+        contours = contour_grid(fractal_mountain(n, 10.0, 3, 2.6), 0.1 * n * 10.0 / (0.6 * n / 10))
+        begin = time.process_time()
+        ground = terrain_surface(contours)
+        seconds = time.process_time() - begin
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        rate = seconds / contours.n_points * 1e5
+        print(
+            f"{contours.n_points:>14,} {ground.n_patches:>9,} {seconds:>9.1f} {rate:>15.1f} {peak:>20.0f}", flush=True
+        )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--growth", action="store_true")
+    if parser.parse_args().growth:
+        growth()
+    else:
+        for mountain in mountains():
+            compared(*mountain)
