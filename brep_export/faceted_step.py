@@ -1,9 +1,10 @@
-"""STEP of many planar faces, written straight from arrays: a tenth of the time that the kernel takes, a third of the size.
+"""STEP of many planar faces, written straight from arrays: a tenth of the kernel's time, a third of its size.
 
 Each point, edge and direction is one line of text and is written once:
 
     point p   CARTESIAN_POINT, VERTEX_POINT            edge e   DIRECTION, VECTOR, LINE, EDGE_CURVE
-    face f    two DIRECTIONs, AXIS2_PLACEMENT_3D, PLANE, and per loop ORIENTED_EDGEs, EDGE_LOOP, FACE_BOUND; ADVANCED_FACE
+    face f    two DIRECTIONs, AXIS2_PLACEMENT_3D, PLANE, and per loop ORIENTED_EDGEs, EDGE_LOOP, FACE_BOUND;
+              ADVANCED_FACE
 """
 
 import datetime
@@ -56,7 +57,8 @@ def write_faceted_step(
         file.write(
             "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\n"
             f"FILE_NAME('{_text(header.name)}','{stamp}',('{_text(header.author)}'),('{_text(header.organisation)}'),"
-            f"'{ORIGIN}','{ORIGIN}','');\nFILE_SCHEMA(('AUTOMOTIVE_DESIGN {{ 1 0 10303 214 1 1 1 1 }}'));\nENDSEC;\nDATA;\n"
+            f"'{ORIGIN}','{ORIGIN}','');\nFILE_SCHEMA(('AUTOMOTIVE_DESIGN {{ 1 0 10303 214 1 1 1 1 }}'));\n"
+            "ENDSEC;\nDATA;\n"
         )
         file.writelines(lines.written)
         file.write("ENDSEC;\nEND-ISO-10303-21;\n")
@@ -144,7 +146,7 @@ def _plane_entities(lines: _Lines, points: Floats, flat: PlanarLoops, point: Int
     first = np.searchsorted(face, np.arange(n))
     corner = points[flat.sides[first]]
     arm, following = points[flat.sides] - corner[face], points[flat.ends()] - corner[face]
-    normal = np.stack([np.bincount(face, c, n) for c in np.cross(arm, following).T], axis=1)
+    normal: Floats = np.stack([np.bincount(face, c, n).astype(np.float64) for c in np.cross(arm, following).T], axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     along = following[first] - normal * np.einsum("ij,ij->i", following[first], normal)[:, None]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -172,9 +174,8 @@ def _product(lines: _Lines, solids: list[int], header: FileHeader) -> None:
     solid_angle = add("( NAMED_UNIT(*) SI_UNIT($,.STERADIAN.) SOLID_ANGLE_UNIT() )")
     sure = add(f"UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE(1.E-07),#{length},'distance_accuracy_value','')")
     world = add(
-        "( GEOMETRIC_REPRESENTATION_CONTEXT(3) GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT((#%d)) "
-        "GLOBAL_UNIT_ASSIGNED_CONTEXT((#%d,#%d,#%d)) REPRESENTATION_CONTEXT('','') )"
-        % (sure, length, angle, solid_angle)
+        f"( GEOMETRIC_REPRESENTATION_CONTEXT(3) GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT((#{sure})) "
+        f"GLOBAL_UNIT_ASSIGNED_CONTEXT((#{length},#{angle},#{solid_angle})) REPRESENTATION_CONTEXT('','') )"
     )
     origin = add("CARTESIAN_POINT('',(0.,0.,0.))")
     z, x = add("DIRECTION('',(0.,0.,1.))"), add("DIRECTION('',(1.,0.,0.))")
