@@ -20,8 +20,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def vertex_quadrics(vertices: Floats, faces: Ints) -> Floats:
-    """(V, 10) sum of the planes of each vertex's faces, weighted with their areas."""
+def vertex_quadrics(vertices: Floats, faces: Ints, *, regulariser: float) -> Floats:
+    """(V, 10) sum of the planes of each vertex's faces, weighted with their areas, plus `regulariser` times |y|²."""
     a, b, c = vertices[faces].transpose(1, 0, 2)
     double = np.cross(b - a, c - a)
     size = np.linalg.norm(double, axis=1)
@@ -30,6 +30,7 @@ def vertex_quadrics(vertices: Floats, faces: Ints) -> Floats:
     for column, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
         product = np.repeat(weighted[:, i] * weighted[:, j], 3)
         rows[:, column] = np.bincount(faces.ravel(), product, len(vertices))
+    rows[:, [0, 3, 5]] += regulariser
     return rows
 
 

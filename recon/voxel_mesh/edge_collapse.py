@@ -34,7 +34,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-REGULARISER = 1e-9  # larger ones mix up the order of collapses that cost nothing, and with it every edge of the part
 RING = 512  # faces a ring may have; a vertex with more neighbours is left alone
 FLATTEST = 0.2  # cosine of the largest turn of a face's normal in one collapse
 FOLDED = -0.5  # cosine of the sharpest edge that a collapse may make: beyond it lie the folds that cut themselves
@@ -149,26 +148,11 @@ def _edge_cost(m: CollapseMesh, e: int, y: Floats, q: Floats, work: Floats) -> f
             y[i] = -y[i]
         return quadric_value(q, y)
     dx, dy, dz = y[0], y[1], y[2]
-    # where the planes leave the place open it is the edge's middle; the pull is forgotten at once, since a pull that
-    # adds up over a flat would make it dearer to clear than the edges around it
-    _pull(q, REGULARISER, dx, dy, dz)
     solved = lowest_point(q, y, work)
-    _pull(q, -REGULARISER, dx, dy, dz)
     away = (y[0] + 0.5 * dx) ** 2 + (y[1] + 0.5 * dy) ** 2 + (y[2] + 0.5 * dz) ** 2
     if not solved or away > 4.0 * length + 1.0:
         y[0], y[1], y[2] = -0.5 * dx, -0.5 * dy, -0.5 * dz
-    return quadric_value(q, y) + REGULARISER * length
-
-
-@njit(cache=True)
-def _pull(q: Floats, weight: float, dx: float, dy: float, dz: float) -> None:  # pragma: no cover - compiled
-    """Add the squared distance to the middle of an edge, u less v being (dx, dy, dz), to a quadric about u."""
-    q[0] += weight
-    q[3] += weight
-    q[5] += weight
-    q[6] += 0.5 * weight * dx
-    q[7] += 0.5 * weight * dy
-    q[8] += 0.5 * weight * dz
+    return quadric_value(q, y)
 
 
 @njit(cache=True)
@@ -245,7 +229,9 @@ def _keeps_shape(
 
 
 @njit(cache=True)
-def _folds(m: CollapseMesh, h: int, p: Floats, nx: float, ny: float, nz: float) -> bool:  # pragma: no cover - compiled
+def _folds(
+    m: CollapseMesh, h: int, p: Floats, nx: float, ny: float, nz: float
+) -> bool:  # pragma: no cover - compiled
     """Whether a ring face, its new normal given, would lie back on the face across its outer edge."""
     t = m.twin[_next(h)]
     b, a, c = m.corner[t], m.corner[_next(t)], m.corner[_previous(t)]

@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+REGULARISER = 1e-9  # larger ones mix up the order of collapses that cost nothing, and with it every edge of the part
 MARGIN = 0.02  # voxels kept back while collapsing, for what lies between samples
 PROBES = 40_000  # points a way for the verification
 ROUNDS = 6
@@ -84,7 +85,7 @@ def simplified(
     locked = np.zeros(len(vertices), dtype=bool)
     twin = opposite_halfedges(vertices, faces, "surface of the grid")
     look = cell_lookup(surface, proportions)
-    quadric = vertex_quadrics(vertices, faces)
+    quadric = vertex_quadrics(vertices, faces, regulariser=REGULARISER)
     tree = None
     for number in range(ROUNDS):
         mesh = collapse_mesh(vertices, faces, twin, quadric=quadric.copy(), locked=locked, feature=feature)
