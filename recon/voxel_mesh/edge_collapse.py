@@ -229,9 +229,7 @@ def _keeps_shape(
 
 
 @njit(cache=True)
-def _folds(
-    m: CollapseMesh, h: int, p: Floats, nx: float, ny: float, nz: float
-) -> bool:  # pragma: no cover - compiled
+def _folds(m: CollapseMesh, h: int, p: Floats, nx: float, ny: float, nz: float) -> bool:  # pragma: no cover - compiled
     """Whether a ring face, its new normal given, would lie back on the face across its outer edge."""
     t = m.twin[_next(h)]
     b, a, c = m.corner[t], m.corner[_next(t)], m.corner[_previous(t)]
