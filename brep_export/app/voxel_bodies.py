@@ -10,11 +10,12 @@ from OCP.TopoDS import TopoDS_Shape
 from brep_export.analytic import analytic_solid, face_kinds
 from brep_export.app.workshop import Bench
 from brep_export.check import ShapeKind, check
-from brep_export.solids import mesh_solid, triangle_solid
+from brep_export.solids import polyhedron_solid
 from brep_export.triangulation import triangulate
 from recon.errors import NoSolid, NotManifold
 from recon.geometry.analytic import Cylinder, Plane, Sphere
 from recon.geometry.mesh import TriangleMesh
+from recon.geometry.polyhedron import PlanarFace, Polyhedron, merge_coplanar, mesh_bodies
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.numerics.distance import closest_points, sample_surface
 from recon.tolerance import Tolerance
@@ -38,11 +39,15 @@ PROBES = 20_000
 
 @dataclass(frozen=True, eq=False)
 class VoxelBody:
-    """Shape of a grid, errors (n,) in model units against the grid's marching cubes surface, and figures."""
+    """Shape of a grid, errors (n,) in model units against the grid's marching cubes surface, and figures.
+
+    polyhedron  the same shape as arrays, where it has planar faces alone
+    """
 
     shape: TopoDS_Shape
     errors: Floats
     figures: dict[str, Any]
+    polyhedron: Polyhedron | None = None
 
 
 def faceted_body(grid: VoxelGrid, options: VoxelOptions, *, bench: Bench) -> VoxelBody:
@@ -50,17 +55,21 @@ def faceted_body(grid: VoxelGrid, options: VoxelOptions, *, bench: Bench) -> Vox
     with bench.phase("reconstruct", "finding the boundary"):
         boundary = voxel_boundary(grid, options, doing=bench.doing)
     with bench.phase("brep", "building the solid"):
-        shape = _planar(boundary.mesh, Tolerance(merge=FLAT * grid.voxel, fit=FIT * grid.voxel), bench)
-    return VoxelBody(shape, boundary.errors * grid.voxel, boundary.figures() | {"analytic": None})
+        polyhedron = _polyhedron(boundary.mesh, FLAT * grid.voxel, bench)
+        shape = polyhedron_solid(polyhedron)
+    figures = boundary.figures() | {"analytic": None}
+    return VoxelBody(shape, boundary.errors * grid.voxel, figures, polyhedron)
 
 
-def _planar(mesh: TriangleMesh, tolerance: Tolerance, bench: Bench) -> TopoDS_Shape:
+def _polyhedron(mesh: TriangleMesh, tolerance: float, bench: Bench) -> Polyhedron:
     """One face a flat region; one a triangle where flats are too small to tell apart."""
     try:
-        return mesh_solid(mesh, tolerance)
+        return merge_coplanar(mesh, tolerance)
     except NotManifold as problem:
         bench.note(f"coplanar triangles were not merged ({problem})")
-        return triangle_solid(mesh)
+        faces = tuple(PlanarFace((a, b, c)) for a, b, c in mesh.face_vertices.tolist())
+        bodies = tuple(tuple(tuple(shell.tolist()) for shell in body) for body in mesh_bodies(mesh))
+        return Polyhedron(mesh.vertices, faces, bodies)
 
 
 def analytic_body(grid: VoxelGrid, options: VoxelOptions, *, snap: float | None, bench: Bench) -> VoxelBody:
@@ -70,14 +79,13 @@ def analytic_body(grid: VoxelGrid, options: VoxelOptions, *, snap: float | None,
             part = analytic_part(grid, doing=bench.doing)
         with bench.phase("brep", "building the solid"):
             built = _snapped(part, snap, bench) or _built(part)
-        return _analytic(grid, *built, bench)
+        return _analytic(grid, built, bench)
     except NoSolid as problem:
         bench.note(f"no solid with true faces: {problem} It is made of flat facets instead.")
         body = faceted_body(grid, options, bench=bench)
         kinds = {"planes": 0, "cylinders": 0, "cones": 0, "spheres": 0, "tori": 0}
-        return VoxelBody(
-            body.shape, body.errors, body.figures | {"analytic": kinds | {"fallback_faces": body.figures["faces"]}}
-        )
+        figures = body.figures | {"analytic": kinds | {"fallback_faces": body.figures["faces"]}}
+        return VoxelBody(body.shape, body.errors, figures, body.polyhedron)
 
 
 Built = tuple[AnalyticPart, TopoDS_Shape, TriangleMesh, WrongSide, int]
@@ -97,8 +105,8 @@ def _built(part: AnalyticPart) -> Built:
     wrong = wrong_side(part.grid, mesh)
     if wrong.deepest > DEEPEST:
         raise NoSolid(
-            f"the surfaces that were recognised miss something: {wrong.centres} voxel centres lie on the wrong side, one"
-            f" {wrong.deepest:.1f} voxels deep"
+            f"the surfaces that were recognised miss something: {wrong.centres} voxel centres lie on the wrong side,"
+            f" one {wrong.deepest:.1f} voxels deep"
         )
     return part, shape, mesh, wrong, len(refused)
 
@@ -118,15 +126,8 @@ def _snapped(part: AnalyticPart, snap: float | None, bench: Bench) -> Built | No
     return built
 
 
-def _analytic(
-    grid: VoxelGrid,
-    part: AnalyticPart,
-    shape: TopoDS_Shape,
-    mesh: TriangleMesh,
-    wrong: WrongSide,
-    refused: int,
-    bench: Bench,
-) -> VoxelBody:
+def _analytic(grid: VoxelGrid, built: Built, bench: Bench) -> VoxelBody:
+    part, shape, mesh, wrong, refused = built
     surface = marching_cubes(grid)
     own = grid.placed(surface.vertices, surface.face_vertices)
     there, back = (sample_surface(m.vertices, m.face_vertices, PROBES) for m in (own, mesh))

@@ -1,6 +1,6 @@
 """The job behind `recon voxels`: a volume to the boundary of its solid voxels, through the gate, to files."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,11 @@ from brep_export.app.voxel_bodies import FIT, FLAT, VoxelBody, analytic_body, fa
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import BUILDER
-from recon.errors import BadOption
+from brep_export.faceted_step import faceted_step_size, write_faceted_step
+from brep_export.file_header import FileHeader
+from brep_export.measures import measure
+from brep_export.read_back import STEP_ENDINGS
+from recon.errors import BadOption, NotWritten
 from recon.geometry.voxel_grid import Volume, VoxelGrid, binary_grid, volume_labels
 from recon.readers.volumes import read_volume
 from recon.tolerance import Tolerance
@@ -25,6 +29,8 @@ from recon.voxel_mesh.topology import kept_bodies
 __all__ = ["voxels"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
+
+LARGE = 5_000  # planar faces from which on the kernel's own STEP writer is passed by
 
 
 def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
@@ -43,7 +49,15 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
     shape = _together([body.shape for body in solids])
     report = gate(shape, tolerance, ShapeKind.SOLID, bench)
     named = dict(request) | {"name": request["name"] or Path(request["inputs"][0]).name.split(".")[0]}
-    report, written = write_files(shape, report, named, bench, paint=partial(_paint, report))
+    straight = _written_straight(solids, named, bench)
+    report, written = write_files(
+        shape,
+        report,
+        named | {"outputs": [path for path in named["outputs"] if path not in straight]},
+        bench,
+        paint=partial(_paint, report),
+        beside=straight,
+    )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
         "voxels",
@@ -126,6 +140,27 @@ def _together(shapes: list[TopoDS_Shape]) -> TopoDS_Shape:
     for shape in shapes:
         BUILDER.Add(compound, shape)
     return compound
+
+
+def _written_straight(
+    solids: list[VoxelBody], request: Mapping[str, Any], bench: Bench
+) -> dict[str, Callable[[Path], None]]:
+    """STEP files that are written from arrays, each with what writes it: those of one large faceted solid."""
+    polyhedron = solids[0].polyhedron
+    if len(solids) > 1 or polyhedron is None or len(polyhedron.faces) < LARGE:
+        return {}
+    paths = [path for path in request["outputs"] if Path(path).suffix.lower() in STEP_ENDINGS]
+    if paths:
+        size = faceted_step_size(polyhedron) / 2**20
+        bench.note(f"a STEP file of {len(polyhedron.faces)} planar faces: about {size:.0f} MB")
+    measures = measure(solids[0].shape)
+
+    def write(path: Path) -> None:
+        back = write_faceted_step(polyhedron, path, header=FileHeader(name=request["name"]), measures=measures)
+        if back.defects and not request["force"]:
+            raise NotWritten(str(path), "; ".join(str(defect) for defect in back.defects))
+
+    return dict.fromkeys(paths, write)
 
 
 def _figures(grids: list[VoxelGrid], solids: list[VoxelBody]) -> dict[str, Any]:

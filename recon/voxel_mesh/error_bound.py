@@ -22,7 +22,7 @@ __all__ = ["Bound", "face_bound", "no_bound", "keeps_bound", "hand_over", "face_
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SMALLEST = 0.3  # voxels: a triangle smaller than this about its middle is judged by its middle
+SMALLEST = 0.12  # voxels: a triangle smaller than this about its middle is judged by its middle
 NEAR = 1e-4  # squared voxels: as good as on the face
 
 
