@@ -10,34 +10,14 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
+from drawn_parts import plate
 from recon.errors import ReconError
-from recon.geometry.mesh import TriangleMesh
-from recon.geometry.polyhedron import Polyhedron, merge_coplanar
 from recon.geometry.views import ThreeViews
 from recon.readers.views import read_views
 from recon.three_view.hidden_lines import draw
 from recon.three_view.pipeline import interpret
 
 DRAWINGS = Path(__file__).parents[2] / "shared" / "data" / "views" / "drawings"
-
-
-def plate(n: int, seed: int) -> Polyhedron:
-    """A plate with n x n square pockets and bosses of mixed depth."""
-    import manifold3d
-
-    rng = np.random.default_rng(seed)
-    body = manifold3d.Manifold.cube([20.0 * n, 20.0 * n, 30.0])
-    for i, j in np.ndindex(n, n):
-        depth = 5.0 * rng.integers(1, 5)
-        block = manifold3d.Manifold.cube([10.0, 10.0, depth]).translate([20.0 * i + 5, 20.0 * j + 5, 0.0])
-        body = (
-            body + block.translate([0, 0, 30.0]) if rng.random() < 0.5 else body - block.translate([0, 0, 30 - depth])
-        )
-    mesh = body.to_mesh64()
-    triangles = TriangleMesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts), "plate")
-    return merge_coplanar(triangles, 1e-6)
 
 
 def cases() -> Iterator[tuple[str, ThreeViews]]:

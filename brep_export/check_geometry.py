@@ -9,7 +9,7 @@ angle  between the tangent planes of two faces at a point of their common edge; 
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from math import inf
+from math import degrees, inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Status
 from OCP.BRepLib import BRepLib_ValidateEdge
-from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
+from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_Shape, GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
@@ -35,7 +35,9 @@ __all__ = [
     "kernel_defects",
     "max_tolerance",
     "tolerance_defects",
-    "max_edge_angle",
+    "EdgeAngles",
+    "angle_defects",
+    "edge_angles",
 ]
 
 Floats = NDArray[np.float64]
@@ -195,20 +197,60 @@ def _place(part: TopoDS_Shape) -> Point | None:
     return None if vertex is None else BRep_Tool.Pnt_s(TopoDS.Vertex_s(vertex)).Coord()
 
 
-def max_edge_angle(uses: EdgeUses, n: int = 7) -> float:
-    """The largest angle in radians between tangent planes along the edges that two faces, or a seam, share.
+@dataclass(frozen=True, eq=False)
+class EdgeAngles:
+    """Angles in radians between tangent planes along edges that two faces, or a seam, share.
+
+    edges    (K,) those edges
+    largest  (K,) the largest angle along each
+    smooth   (K,) whether the shape says that its faces join smoothly there
+    """
+
+    edges: NDArray[np.int64]
+    largest: Floats
+    smooth: NDArray[np.bool_]
+
+    def overall(self) -> float:
+        """The largest angle of all; 0 for a shape without inner edges."""
+        return float(self.largest.max(initial=0.0))
+
+    def over_smooth_edges(self) -> float | None:
+        """The largest along edges that are said to be smooth; None where none is."""
+        return float(self.largest[self.smooth].max()) if self.smooth.any() else None
+
+
+def edge_angles(uses: EdgeUses, n: int = 7) -> EdgeAngles:
+    """Measure along every inner edge.
 
     n  samples an edge; those where a surface has no normal (the tip of a cone) are left out
     """
     rows = _inner_edge_uses(uses)
     if not len(rows):
-        return 0.0
+        return EdgeAngles(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=bool))
     surfaces = {f: _surface(uses.faces[f]) for f in np.unique(uses.face[rows])}
     one, other = (_normals(np.array([_tangents(uses, use, surfaces, n) for use in column])) for column in rows.T)
     sine = np.linalg.norm(_cross(one, other), axis=2)
     cosine = np.einsum("eij,eij->ei", one, other)
-    known = (sine > 0.0) | (cosine != 0.0)
-    return float(np.arctan2(sine[known], cosine[known]).max(initial=0.0))
+    angles = np.where((sine > 0.0) | (cosine != 0.0), np.arctan2(sine, cosine), 0.0)
+    smooth = [_is_smooth(uses.edges[uses.edge[a]], uses.faces[uses.face[a]], uses.faces[uses.face[b]]) for a, b in rows]
+    return EdgeAngles(uses.edge[rows[:, 0]], angles.max(axis=1), np.array(smooth))
+
+
+def _is_smooth(edge: TopoDS_Edge, one: TopoDS_Face, other: TopoDS_Face) -> bool:
+    if one.IsSame(other) or not BRep_Tool.HasContinuity_s(edge, one, other):
+        return False
+    return bool(BRep_Tool.Continuity_s(edge, one, other).value >= GeomAbs_Shape.GeomAbs_G1.value)
+
+
+def angle_defects(uses: EdgeUses, angles: EdgeAngles, allowed: float) -> list[Defect]:
+    """An edge that is said to be smooth, and along which the tangent planes differ by more than allowed."""
+    judged = np.where(angles.smooth, angles.largest, 0.0)
+    if judged.max(initial=0.0) <= allowed:
+        return []
+    worst = int(np.argmax(judged))
+    points = edge_polyline(uses.edges[angles.edges[worst]], 3)
+    sentence = "tangent planes differ along an edge that is said to be smooth, in degrees"
+    return [Defect("edge-angle", sentence, points[len(points) // 2], degrees(judged[worst]), degrees(allowed))]
 
 
 def _inner_edge_uses(uses: EdgeUses) -> NDArray[np.int64]:

@@ -25,9 +25,16 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 _MIRROR_FREE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # a turn, so that outside stays outside
 
 
-def write_mesh(mesh: TriangleMesh, path: str | Path, *, header: FileHeader = FileHeader()) -> ReadBack:  # noqa: B008
+def write_mesh(
+    mesh: TriangleMesh,
+    path: str | Path,
+    *,
+    header: FileHeader = FileHeader(),  # noqa: B008  (frozen)
+    colours: NDArray[np.uint8] | None = None,
+) -> ReadBack:
     """Write triangles to exactly this path in the format of its ending, read them again, and compare.
 
+    colours   (V, 4) red, green, blue and opacity of the vertices, which GLB alone holds; or None
     Promises  the number of triangles and, for a closed mesh, the volume are the same but for 32-bit rounding.
     Raises    UnsupportedFormat for another ending; NotWritten when there is no triangle or the disk refuses.
     """
@@ -38,7 +45,7 @@ def write_mesh(mesh: TriangleMesh, path: str | Path, *, header: FileHeader = Fil
     if mesh.n_faces == 0:
         raise NotWritten(str(path), "there are no triangles to write")
     try:
-        scale = writer(mesh, path, header)
+        scale = writer(mesh, path, header) if colours is None else _write_coloured(mesh, path, header, colours)
     except OSError as failure:
         raise NotWritten(str(path), f"the disk refuses it ({failure.strerror})") from failure
     return _read_again(mesh, path, scale)
@@ -97,13 +104,19 @@ xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
 </model>"""
 
 
-def _write_glb(mesh: TriangleMesh, path: Path, header: FileHeader) -> float:
+def _write_coloured(mesh: TriangleMesh, path: Path, header: FileHeader, colours: NDArray[np.uint8]) -> float:
+    writer = _WRITERS[path.suffix.lower()]
+    return _write_glb(mesh, path, header, colours) if writer is _write_glb else writer(mesh, path, header)
+
+
+def _write_glb(mesh: TriangleMesh, path: Path, header: FileHeader, colours: NDArray[np.uint8] | None = None) -> float:
     import trimesh
 
     scale = header.unit.in_metres
     turned = scale * mesh.vertices @ _MIRROR_FREE.T
     scene = trimesh.Scene()
-    scene.add_geometry(trimesh.Trimesh(turned, mesh.face_vertices, process=False), geom_name=header.name)
+    body = trimesh.Trimesh(turned, mesh.face_vertices, vertex_colors=colours, process=False)
+    scene.add_geometry(body, geom_name=header.name)
     path.write_bytes(scene.export(file_type="glb"))
     return scale
 

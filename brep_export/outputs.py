@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.brep_file import write_brep
@@ -33,16 +35,18 @@ def require_writable(paths: Sequence[str | Path]) -> None:
 class Consignment:
     """One shape and the files it goes to.
 
-    mesh      triangles of the shape, for the mesh formats
+    mesh      triangles of the shape, for the mesh formats; None for one without faces
     beside    further files that belong to the same result, each with the function that writes it
+    colours   (V, 4) of the mesh's vertices, for the formats that hold them
     measures  of the shape, where they are known already
     """
 
     shape: TopoDS_Shape
-    mesh: TriangleMesh
+    mesh: TriangleMesh | None
     paths: Sequence[str | Path]
     header: FileHeader = FileHeader()  # noqa: RUF009  (frozen)
     beside: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
+    colours: NDArray[np.uint8] | None = None
     measures: ShapeMeasures | None = None
 
 
@@ -54,6 +58,7 @@ def write_outputs(
     header: FileHeader = FileHeader(),  # noqa: B008  (frozen)
     schema: StepSchema = StepSchema.AP214,
     allow_change: bool = False,
+    colours: NDArray[np.uint8] | None = None,
     beside: Mapping[str, Callable[[Path], None]] | None = None,
     announce: Callable[[Path], None] = lambda path: None,
 ) -> tuple[ReadBack, ...]:
@@ -61,12 +66,13 @@ def write_outputs(
 
     mesh          triangles of the shape, for the mesh formats
     allow_change  put files in place even when they read back as something else; what changed is in the result
+    colours       (V, 4) of the mesh's vertices, for the formats that hold them
     beside        further files that belong to the same result, each with the function that writes it
     announce      called with the path of every temporary file before it is made
     Promises      when anything fails no path has changed.
     Raises        UnsupportedFormat; NotWritten naming the path and what changed.
     """
-    only = Consignment(shape, mesh, paths, header, beside or {})
+    only = Consignment(shape, mesh, paths, header, beside or {}, colours)
     return write_together([only], schema=schema, allow_change=allow_change, announce=announce)[0]
 
 
@@ -92,8 +98,7 @@ def _written(
     measures = one.measures or measure(one.shape)
     results = []
     for path, written in zip(one.paths, temporary):
-        place = (Path(path), written)
-        result = _write_one(one.shape, one.mesh, place, header=one.header, schema=schema, measures=measures)
+        result = _write_one(one, (Path(path), written), schema=schema, measures=measures)
         if result.defects and not allow_change:
             raise NotWritten(str(path), "; ".join(str(defect) for defect in result.defects))
         results.append(result)
@@ -102,25 +107,19 @@ def _written(
     return tuple(results)
 
 
-def _write_one(
-    shape: TopoDS_Shape,
-    mesh: TriangleMesh,
-    place: tuple[Path, Path],
-    *,
-    header: FileHeader,
-    schema: StepSchema,
-    measures: ShapeMeasures,
-) -> ReadBack:
+def _write_one(one: Consignment, place: tuple[Path, Path], *, schema: StepSchema, measures: ShapeMeasures) -> ReadBack:
     path, written = place
     ending = path.suffix.lower()
     try:
         if ending in STEP_ENDINGS:
-            return write_step(shape, written, header=header, schema=schema, measures=measures)
+            return write_step(one.shape, written, header=one.header, schema=schema, measures=measures)
         if ending in IGES_ENDINGS:
-            return write_iges(shape, written, header=header, measures=measures)
+            return write_iges(one.shape, written, header=one.header, measures=measures)
         if ending in BREP_ENDINGS:
-            return write_brep(shape, written, measures=measures)
-        return write_mesh(mesh, written, header=header)
+            return write_brep(one.shape, written, measures=measures)
+        if one.mesh is None:
+            raise NotWritten(str(path), "the shape has no faces to be drawn with triangles")
+        return write_mesh(one.mesh, written, header=one.header, colours=one.colours)
     except NotWritten as failure:
         raise NotWritten(str(path), failure.problem) from failure
     except ReconError as failure:

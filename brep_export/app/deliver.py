@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.outputs import MESH_ENDINGS
@@ -35,6 +37,7 @@ class Parcel:
     outputs, picture  paths; picture is None where none was asked for
     paint             draws the picture into a file
     beside            further files of the same result, each with what writes it
+    colours           (V, 4) of the vertices of the report's triangles, for the formats that hold them
     """
 
     shape: TopoDS_Shape
@@ -43,6 +46,7 @@ class Parcel:
     picture: str | None
     paint: Painter
     beside: Mapping[str, Painter] = field(default_factory=dict)
+    colours: NDArray[np.uint8] | None = None
 
     @property
     def others(self) -> dict[str, Painter]:
@@ -57,15 +61,17 @@ def write_files(
     *,
     paint: Painter,
     beside: Mapping[str, Painter] | None = None,
+    colours: NDArray[np.uint8] | None = None,
 ) -> Delivery:
     """Write every output that was asked for, and the picture; nothing when the gate refused and nobody forced it.
 
     paint    draws the picture into a file
     beside   further files of the same result, each with what writes it
+    colours  (V, 4) of the vertices of the report's triangles, for the formats that hold them
     Returns  the report with the read-back line added, and the paths written
     Raises   NotWritten.
     """
-    parcel = Parcel(shape, report, request["outputs"], request.get("picture"), paint, beside or {})
+    parcel = Parcel(shape, report, request["outputs"], request.get("picture"), paint, beside or {}, colours)
     return write_parcels([parcel], request, bench)[0]
 
 
@@ -77,7 +83,7 @@ def write_parcels(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: 
     with bench.phase("write", "writing and reading back"):
         read_back = write_together(
             [
-                Consignment(p.shape, p.report.triangles(), p.outputs, header, p.others, p.report.measures)
+                Consignment(p.shape, p.report.triangulation, p.outputs, header, p.others, p.colours, p.report.measures)
                 for p in parcels
             ],
             schema=StepSchema[request.get("schema", "AP214")],

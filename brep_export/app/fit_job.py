@@ -9,6 +9,7 @@ import numpy as np
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.deliver import gate, write_files
+from brep_export.app.lengths import tolerance_length
 from brep_export.app.result import result, statistics
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
@@ -22,11 +23,11 @@ from recon.geometric_fit.updates import Update
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.readers.meshes import read_mesh
-from recon.subdivision.limit_surface import limit_patches, tessellate
+from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate
 from recon.subdivision.patch_network import limit_network
 from recon.tolerance import Tolerance
 
-__all__ = ["fit", "tolerance_length"]
+__all__ = ["fit"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
@@ -35,22 +36,31 @@ MERGE, FIT = 1e-7, 1e-4  # tolerances of the kernel shape, as shares of the diag
 
 def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the scan, fit, prove the kernel shape where one is asked for, write."""
+    nets = [path for path in request["outputs"] if Path(path).suffix.lower() in CONTROL_MESH_ENDINGS]
+    others = [path for path in request["outputs"] if path not in nets]
+    if others and request["surface"] != Scheme.LOOP:
+        raise BadOption("--output", f"a {request['surface']} surface is written as its control mesh (.obj) so far")
     with bench.phase("read", "reading the scan"):
         file = read_mesh(request["inputs"][0], unit=request["unit"])
     for note in file.notes:
         bench.note(f"{request['inputs'][0]}: {note}")
     options = FitOptions(
+        scheme=Scheme(request["surface"]),
         control_points=request["control_points"],
-        tolerance=tolerance_length(request["tolerance"], file.mesh),
+        tolerance=tolerance_length(request["tolerance"], file.mesh.vertices),
         update=Update(request["update"]),
         plain=request["plain"],
+        rounds=request["rounds"],
+        crease_angle=np.radians(request["crease_angle"]),
+        close=request["close"],
+        robust=request["robust"],
     )
     with bench.phase("reconstruct", "fitting the surface"):
         fitted = fit_surface(file.mesh, options, doing=bench.doing)
+    if fitted.n_closed:
+        bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.")
     if fitted.folds:
         bench.note(f"the surface folds at {fitted.folds} control points; more of them would keep it smooth.")
-    nets = [path for path in request["outputs"] if Path(path).suffix.lower() in CONTROL_MESH_ENDINGS]
-    others = [path for path in request["outputs"] if path not in nets]
     kernel, reasons, written = _shape_written(file.mesh, fitted, {**request, "outputs": others}, bench)
     if nets and (not reasons or request["force"]):
         with bench.phase("write", "writing the control mesh"), staged(*nets, announce=bench.staged) as temporary:
@@ -69,21 +79,6 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
-
-
-def tolerance_length(text: str | None, scan: TriangleMesh) -> float | None:
-    """A tolerance as a length: a number is one already, a percentage is a share of the diagonal of the scan's box.
-
-    Raises  BadOption.
-    """
-    if text is None:
-        return None
-    try:
-        if text.strip().endswith("%"):
-            return float(text.strip()[:-1]) / 100.0 * float(np.linalg.norm(np.ptp(scan.vertices, axis=0)))
-        return float(text)
-    except ValueError as problem:
-        raise BadOption("--tolerance", f"must be a length, or a share of the diagonal as 0.1%, not {text}") from problem
 
 
 def _shape_written(
@@ -132,13 +127,15 @@ def _figures(fitted: FittedSurface, request: Mapping[str, Any]) -> dict[str, Any
         "e_max_percent": fitted.errors.maximum,
         "stopped_by": str(fitted.stopped_by),
         "folds": fitted.folds,
+        "closed_holes": fitted.n_closed,
+        "crease_edges": len(fitted.mesh.crease_edges),
     }
 
 
 def _paint(scan: TriangleMesh, fitted: FittedSurface, path: Path) -> None:
     from brep_export.app.pictures import CLAY, MADE, Part, View, draw
 
-    surface = tessellate(fitted.mesh, halvings=2)
+    surface = tessellate(fitted.mesh, scheme=fitted.scheme, halvings=2)
     away = closest_points(surface.vertices, scan.vertices, scan.face_vertices).distances
     toward = (1.0, -1.6, 0.9)
     draw(

@@ -9,8 +9,8 @@ import numpy as np
 from brep_export.app.result import result
 from brep_export.app.workshop import Bench, Exit
 from brep_export.staging import staged
+from recon.hole_patch.hole import Hole
 from recon.hole_patch.pipeline import HolesFound
-from recon.hole_patch.sherds import Hole
 
 __all__ = ["hole_figures", "hole_list"]
 

@@ -17,11 +17,11 @@ PAGES = (".html", ".htm")
 def check_destinations(request: Mapping[str, Any]) -> None:
     """Every output has a known ending, a folder that exists, and a name of its own; the folder of a demo is made.
 
-    `more_endings` of the request are those that its command alone can write.
+    `more_endings` of the request are those that its command alone can write, `endings` all others.
     Raises  UnsupportedFormat, BadOption.
     """
     outputs = [Path(path) for path in request["outputs"]]
-    endings = ENDINGS + tuple(request.get("more_endings", ()))
+    endings = tuple(request.get("endings", ENDINGS)) + tuple(request.get("more_endings", ()))
     for path in outputs:
         if path.suffix.lower() not in endings:
             raise UnsupportedFormat(str(path), endings)

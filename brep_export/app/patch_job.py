@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.deliver import Parcel, gate, print_formats, write_parcels
@@ -20,6 +21,7 @@ from brep_export.solids import lip_solid, thick_solid
 from recon.errors import BadOption, NoHole, NoWall
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
+from recon.hole_patch.confidence import BOUND, SHARE, Confidence, confidence
 from recon.hole_patch.lip_piece import lip_thickness
 from recon.hole_patch.pipeline import (
     MissingPiece,
@@ -30,6 +32,7 @@ from recon.hole_patch.pipeline import (
     list_holes,
     patch_hole,
     patch_holes,
+    with_smoother_edge,
 )
 from recon.hole_patch.placing import place
 from recon.hole_patch.thickness import Thickness, piece_thickness
@@ -42,6 +45,7 @@ __all__ = ["TOLERANCE", "kernel_piece", "patch", "patch_answer"]
 # a twentieth of a millimetre: half of what a scanner resolves, and what a kernel edge may stray from its faces
 TOLERANCE = Tolerance(merge=1e-4, fit=0.05)
 
+SMOOTHER = (0.5, 1.0)  # of the thickness: radii to which edges are smoothed where the fracture cuts a wall
 EVERY_HOLE = "all"
 SAMPLES = "the walls as scanned within 2 mm of the hole's edge"
 
@@ -114,19 +118,22 @@ def kernel_piece(piece: MissingPiece) -> tuple[TopoDS_Shape, ShapeKind]:
 
 @dataclass(frozen=True, eq=False)
 class _Proved:
-    """A piece with its kernel shape, and what the gate said of it."""
+    """A piece with its kernel shape, what the gate said of it, and how far it may be trusted."""
 
     piece: MissingPiece
     thickness: Thickness | None
     shape: TopoDS_Shape
     report: CheckReport
+    trust: Confidence
 
     def parcel(self, outputs: Sequence[str], picture: str | None) -> Parcel:
-        paint = partial(_paint, self.piece.sherds, self.report)
-        return Parcel(self.shape, self.report, outputs, picture, paint)
+        triangles = self.report.triangulation
+        expected = None if triangles is None else self.trust.at(triangles.vertices)
+        paint = partial(_paint, self.piece.sherds, self.report, expected)
+        return Parcel(self.shape, self.report, outputs, picture, paint, colours=_colours(expected, outputs))
 
     def figures(self, bench: Bench) -> dict[str, Any]:
-        return _figures(self.piece, self.thickness) | _fit(self.piece.sherds, self.report, bench)
+        return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self.piece.sherds, self.report, bench)
 
 
 def patch_answer(
@@ -224,9 +231,28 @@ def _proved(piece: MissingPiece, request: Mapping[str, Any], bench: Bench, *, na
     thickness = _thickness_of(piece)
     if thickness is not None:
         _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench, name)
+    shape, report = _through_the_gate(piece, bench, name)
+    for share in SMOOTHER:
+        if thickness is None or piece.inner is None or not _cuts_itself(report):
+            break
+        with bench.phase("reconstruct", f"{name}smoothing the edge"):
+            piece = with_smoother_edge(piece, share * thickness.mean, clearance=request.get("clearance", 0.0))
+        shape, report = _through_the_gate(piece, bench, name)
+        if not _cuts_itself(report):
+            bench.note(f"{name}{piece.notes[-1]}")
+    with bench.phase("reconstruct", f"{name}fitting again without each sherd"):
+        trust = confidence(piece)
+    return _Proved(piece, thickness, shape, report, trust)
+
+
+def _through_the_gate(piece: MissingPiece, bench: Bench, name: str) -> tuple[TopoDS_Shape, CheckReport]:
     with bench.phase("brep", f"{name}building the shape"):
         shape, kind = kernel_piece(piece)
-    return _Proved(piece, thickness, shape, gate(shape, TOLERANCE, kind, bench))
+    return shape, gate(shape, TOLERANCE, kind, bench)
+
+
+def _cuts_itself(report: CheckReport) -> bool:
+    return [defect.code for defect in report.defects] == ["self-intersection"]
 
 
 def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:
@@ -289,6 +315,23 @@ def _figures(piece: MissingPiece, thickness: Thickness | None) -> dict[str, Any]
     }
 
 
+def _trust(trust: Confidence) -> dict[str, Any]:
+    """By how much the walls of the piece may be off, over the hole."""
+    sigma = trust.over_walls()
+    return {
+        "confidence": {
+            "expected_error_mm": {
+                "median": float(np.median(sigma)),
+                "p95": float(np.quantile(sigma, 0.95)),
+                "max": float(sigma.max()),
+            },
+            "share": SHARE,
+            "within": BOUND,
+            "sherds_left_out": trust.outer.n_left_out,
+        }
+    }
+
+
 def _fit(sherds: Sequence[TriangleMesh], report: CheckReport, bench: Bench) -> dict[str, Any]:
     """How a closed piece lies between its neighbours, and the way in which it is set in."""
     if report.expected is not ShapeKind.SOLID or not report.passed:
@@ -306,8 +349,19 @@ def _fit(sherds: Sequence[TriangleMesh], report: CheckReport, bench: Bench) -> d
     }
 
 
-def _paint(sherds: Sequence[TriangleMesh], report: CheckReport, path: Path) -> None:
+def _colours(expected: NDArray[np.float64] | None, outputs: Sequence[str]) -> NDArray[np.uint8] | None:
+    """Of the piece's vertices; the pictures are loaded only where a file holds colours."""
+    if expected is None or not any(str(path).lower().endswith(".glb") for path in outputs):
+        return None
+    from brep_export.app.pictures import colours_of
+
+    return colours_of(expected)
+
+
+def _paint(
+    sherds: Sequence[TriangleMesh], report: CheckReport, expected: NDArray[np.float64] | None, path: Path
+) -> None:
     from brep_export.app.pictures import draw, vessel_views
 
     lines = [np.array(line) for line in report.free_edges] if report.expected is ShapeKind.SOLID else []
-    draw(path, vessel_views(sherds, report.triangles(), lines))
+    draw(path, vessel_views(sherds, report.triangles(), lines, expected))

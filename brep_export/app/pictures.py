@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from recon.errors import NotWritten
 from recon.geometry.mesh import TriangleMesh
 
-__all__ = ["CLAY", "MADE", "Mark", "Part", "View", "draw", "vessel_views", "views_around"]
+__all__ = ["CLAY", "MADE", "Mark", "Part", "View", "colours_of", "draw", "vessel_views", "views_around"]
 
 Floats = NDArray[np.float64]
 
 CLAY = ("#c8a27c", "#b98d66", "#d3b18c", "#ad8058", "#bf9871")
 MADE = "#3b7dd8"
+COLOURS = "viridis"  # dark where little is unknown; even in lightness, and for those who see few colours
 FREE_EDGE = "#d62020"
 _PANEL = (720, 720)
 
@@ -30,6 +31,7 @@ class Part:
     """One mesh of a picture, in one colour; `lines` are polylines (n, 3) drawn in red.
 
     values  (V,) numbers of the vertices, shown by colours in place of the one, up to their 99th percentile; or None
+    scale   what the numbers are, with their unit, for the bar that says which colour is which
     """
 
     mesh: TriangleMesh
@@ -37,6 +39,7 @@ class Part:
     smooth: bool = True
     lines: tuple[Floats, ...] = field(default=())
     values: Floats | None = None
+    scale: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,18 +87,42 @@ def draw(path: Path, views: Sequence[View]) -> None:
         raise NotWritten(str(path), "the renderer made no picture")
 
 
-def vessel_views(sherds: Sequence[TriangleMesh], piece: TriangleMesh, lines: Sequence[Floats] = ()) -> tuple[View, ...]:
-    """The vessel open, the piece in place, and the piece alone from its side."""
+def vessel_views(
+    sherds: Sequence[TriangleMesh],
+    piece: TriangleMesh,
+    lines: Sequence[Floats] = (),
+    expected: Floats | None = None,
+) -> tuple[View, ...]:
+    """The vessel open, the piece in place, the piece alone from its side, and what of it is invented.
+
+    expected  (V,) error in millimetres that is to be expected at the piece's vertices, or None for no such panel
+    """
     clay = tuple(Part(mesh, CLAY[i % len(CLAY)], smooth=False) for i, mesh in enumerate(sherds))
     made = Part(piece, MADE, lines=tuple(lines))
     centre = np.concatenate([mesh.vertices for mesh in sherds]).mean(axis=0)
     outward, up = _outward(piece, centre)
     beside = np.cross(up, outward) + 0.15 * outward + 0.2 * up
-    return (
+    views = (
         View("before", clay, _direction(outward + 0.35 * up), _direction(up)),
         View("the piece in place", (*clay, made), _direction(outward + 0.35 * up), _direction(up)),
         View("the piece from its side", (made,), _direction(beside), _direction(up)),
     )
+    if expected is None:
+        return views
+    marked = Part(piece, MADE, values=expected, scale="expected error, mm")
+    return (*views, View("what is invented", (marked,), _direction(outward + 0.35 * up), _direction(up)))
+
+
+def colours_of(values: Floats) -> NDArray[np.uint8]:
+    """(V, 4) red, green, blue and opacity of numbers (V,), as the pictures show them."""
+    from matplotlib import colormaps
+
+    low, high = _limits(values)
+    return np.asarray(colormaps[COLOURS](np.clip((values - low) / (high - low), 0.0, 1.0), bytes=True), dtype=np.uint8)
+
+
+def _limits(values: Floats) -> tuple[float, float]:
+    return 0.0, max(float(np.quantile(values, 0.99)), 1e-300)
 
 
 def views_around(mesh: TriangleMesh, lines: Sequence[Floats] = ()) -> tuple[View, ...]:
@@ -129,8 +156,8 @@ def _add(plotter: pyvista.Plotter, part: Part) -> None:
     surface = pyvista.PolyData(part.mesh.vertices, np.hstack([counts, part.mesh.face_vertices]).ravel())
     shown: dict[str, Any] = {"color": part.colour}
     if part.values is not None:
-        limits = (0.0, max(float(np.quantile(part.values, 0.99)), 1e-300))
-        shown = {"scalars": part.values, "cmap": "viridis", "clim": limits, "show_scalar_bar": True}
+        shown = {"scalars": part.values, "cmap": COLOURS, "clim": _limits(part.values), "show_scalar_bar": True}
+        shown["scalar_bar_args"] = {"title": part.scale, "color": "#333333", "fmt": "%.2f", "n_labels": 4}
     plotter.add_mesh(
         surface,
         **shown,

@@ -103,7 +103,7 @@ def summary(answer: Mapping[str, Any]) -> str:
     """A few lines for a person: the verdict, what the shape is, how far off it is, where it was written."""
     lines = [f"{answer['command']}: {answer['verdict']}"]
     lines += [f"  reason    {reason}" for reason in answer["reasons"]]
-    if answer["kernel"]:
+    if answer["kernel"] and answer["kernel"]["type"] is not None:
         lines.append(f"  shape     {_shape_line(answer['kernel'])}")
     if answer["error"]:
         e = answer["error"]
@@ -121,7 +121,7 @@ def _is_short(value: Any) -> bool:
 
 def _shape_line(kernel: Mapping[str, Any]) -> str:
     state = f"{'closed' if kernel['closed'] else 'open'}, {'valid' if kernel['valid'] else 'NOT valid'}"
-    size = f"volume {kernel['volume']:.6g}, " if kernel["closed"] else ""
+    size = f"volume {kernel['volume']:.6g}, " if kernel["volume"] is not None else ""
     return (
         f"{state} {kernel['type']}; faces {kernel['faces']}, edges {kernel['edges']}; {size}area {kernel['area']:.6g}"
     )

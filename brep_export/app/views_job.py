@@ -19,9 +19,9 @@ from recon.errors import NoSolid, NotWritten
 from recon.geometry.polyhedron import Polyhedron
 from recon.readers.view_sheet import ViewSheet
 from recon.readers.views import read_views
-from recon.three_view.conflicts import repaired
 from recon.three_view.labeling import FreeChoice
 from recon.three_view.pipeline import Interpretation, ViewsOptions, diagnose, interpret
+from recon.three_view.repairs import repaired
 from recon.tolerance import Tolerance
 
 __all__ = ["views"]

@@ -169,6 +169,8 @@ def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
         sink = os.open(os.devnull, os.O_WRONLY)
         os.dup2(sink, 1)
         os.dup2(sink, 2)
+    # matrices are small here: threads of the linear algebra library wait for each other far longer than they work
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     bench = Bench(pipe.send)
     try:

@@ -5,20 +5,20 @@ At a place (v, w) with residual r = p - S the step solves
     | S_v . S_v   S_v . S_w |   | dv |     | S_v . r |
     | S_v . S_w   S_w . S_w |   | dw |  =  | S_w . r |
 
-A step over a side goes on in the patch across: there the barycentric coordinates are b'_e = b_e + b_o, the other end
-likewise, and b'_o = -b_o, as if the two patches were one parallelogram. A step that would lead away from p is cut
-in half. On a border the step is taken along the border.
+A step over a side goes on in the patch across, as if the two were one plane: what was outside by h is inside by h
+there, and what was along the side by t is along it by 1 - t, as the side runs the other way. That is so in triangles
+and in quadrilaterals. A step that would lead away from p is cut in half. On a border the step is taken along it.
 
-b_o
- o---------e+1
-  \\       / \\          o    corner opposite the side e, e + 1 that is crossed
-   \\     /   \\
-    \\   /  x  \\
-      e-------o'
+      o---------o              o-------o-------o
+       \\       / \\             |       |       |      _to_side    (v, w) -> (t, h)
+        \\  h<0/h>0\\            |  h<0  |  h>0  |      _from_side  (t, h) -> (v, w)
+         \\   /     \\           |       |       |
+           o--------o          o-------o-------o
 
 Paper  [marinov2005], Newton on a subdivision surface.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,16 +26,17 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from recon.subdivision.evaluation import MAX_SUPPORT, PatchArrays, patch_weights, points_at
+from recon.subdivision.evaluation import MAX_SUPPORT, N_BASIS, PatchArrays, patch_weights, points_at
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Feet", "nearest_feet", "seed_feet", "walk_feet"]
+__all__ = ["Feet", "joined", "nearest_feet", "sample_places", "seed_feet", "walk_feet"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ROUGH, EXACT = 1e-5, 1e-9  # how far a foot may still have to go, as a share of the size of the data
-SEEDS = ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))  # of the samples (v, w) in each patch
+SEEDS = {3: ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))}  # samples (v, w) in each patch
+SEEDS[4] = ((1 / 4, 1 / 4), (3 / 4, 1 / 4), (1 / 4, 3 / 4), (3 / 4, 3 / 4))
 
 
 class Feet(NamedTuple):
@@ -50,6 +51,21 @@ class Feet(NamedTuple):
     positions: Floats
     normals: Floats
 
+    def chosen(self, which: Ints) -> "Feet":
+        """Those of the numbers `which`."""
+        return Feet(self.patch[which], self.v[which], self.w[which], self.positions[which], self.normals[which])
+
+
+def joined(parts: Sequence[Feet]) -> Feet:
+    """Feet one after the other."""
+    return Feet(
+        np.concatenate([part.patch for part in parts]),
+        np.concatenate([part.v for part in parts]),
+        np.concatenate([part.w for part in parts]),
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate([part.normals for part in parts]),
+    )
+
 
 def nearest_feet(patches: LimitPatches, points: Floats, data: Floats, *, step: float = EXACT) -> Feet:
     """Foot points from scratch: seeds by a tree over samples of the surface, then steps to the foot.
@@ -62,12 +78,18 @@ def nearest_feet(patches: LimitPatches, points: Floats, data: Floats, *, step: f
 
 def seed_feet(patches: LimitPatches, points: Floats, data: Floats) -> Feet:
     """The sample of the surface that is nearest to each data point; normals are zero."""
-    n_patches = len(patches.sheets.faces)
-    patch = np.repeat(np.arange(n_patches), len(SEEDS))
-    v, w = np.tile(np.array(SEEDS), (n_patches, 1)).T.copy()
+    patch, v, w = sample_places(patches)
     samples = points_at(patches.arrays, points, patch, v, w, 1)[:, 0]
     nearest = cKDTree(samples, balanced_tree=False, compact_nodes=False).query(data)[1]
     return Feet(patch[nearest], v[nearest], w[nearest], samples[nearest], np.zeros_like(data))
+
+
+def sample_places(patches: LimitPatches) -> tuple[Ints, Floats, Floats]:
+    """Four places (patch, v, w) in every patch, evenly spread."""
+    n_patches, k = patches.sheets.faces.shape
+    patch = np.repeat(np.arange(n_patches), len(SEEDS[k]))
+    v, w = np.tile(np.array(SEEDS[k]), (n_patches, 1)).T.copy()
+    return patch, v, w
 
 
 def walk_feet(
@@ -81,9 +103,39 @@ def walk_feet(
 
 
 @njit(cache=True)
-def _place(patches: PatchArrays, points: Floats, patch: int, bary: Floats, b: Floats, c: Floats, s: Floats) -> None:
+def _to_side(k: int, side: int, v: float, w: float) -> tuple[float, float]:
+    """How far along a side a place is, from its start to its end, and how far inside of it."""
+    if k == 3:
+        u = 1.0 - v - w
+        if side == 0:
+            return v, w
+        return (w, u) if side == 1 else (u, v)
+    if side == 0:
+        return v, w
+    if side == 1:
+        return w, 1.0 - v
+    return (1.0 - v, 1.0 - w) if side == 2 else (1.0 - w, v)
+
+
+@njit(cache=True)
+def _from_side(k: int, side: int, along: float, inside: float) -> tuple[float, float]:
+    """The place (v, w) so far along a side and so far inside of it."""
+    if k == 3:
+        rest = 1.0 - along - inside
+        if side == 0:
+            return along, inside
+        return (rest, along) if side == 1 else (inside, rest)
+    if side == 0:
+        return along, inside
+    if side == 1:
+        return 1.0 - inside, along
+    return (1.0 - along, 1.0 - inside) if side == 2 else (inside, 1.0 - along)
+
+
+@njit(cache=True)
+def _place(patches: PatchArrays, points: Floats, patch: int, at: Floats, b: Floats, c: Floats, s: Floats) -> None:
     """Point and first derivatives into s (3, 3)."""
-    size = patch_weights(patches, patch, bary[1], bary[2], 3, b, c)
+    size = patch_weights(patches, patch, at[0], at[1], 3, b, c)
     first = patches.support_starts[patch]
     for r in range(3):
         x, y, z = 0.0, 0.0, 0.0
@@ -103,8 +155,8 @@ def _squared_distance(p: Floats, s: Floats) -> float:
 
 
 @njit(cache=True)
-def _step(p: Floats, s: Floats, across: Ints, bary: Floats, move: Floats) -> float:
-    """The Gauss-Newton step in barycentric coordinates into `move`; the square of its length in space."""
+def _step(p: Floats, s: Floats, across: Ints, at: Floats, move: Floats) -> float:
+    """The Gauss-Newton step (dv, dw) into `move`; the square of its length in space."""
     rx, ry, rz = p[0] - s[0, 0], p[1] - s[0, 1], p[2] - s[0, 2]
     g = s[1, 0] * rx + s[1, 1] * ry + s[1, 2] * rz
     h = s[2, 0] * rx + s[2, 1] * ry + s[2, 2] * rz
@@ -115,56 +167,56 @@ def _step(p: Floats, s: Floats, across: Ints, bary: Floats, move: Floats) -> flo
     det = (vv + damping) * (ww + damping) - vw * vw
     if not det > 0.0:
         return 0.0
-    move[1] = ((ww + damping) * g - vw * h) / det
-    move[2] = ((vv + damping) * h - vw * g) / det
-    move[0] = -move[1] - move[2]
-    for o in range(3):
-        e = (o + 1) % 3
-        if bary[o] <= 0.0 and move[o] < 0.0 and across[e] < 0:
-            # along the border from e to e + 1: d = S_(e+1) - S_e in the derivatives by v and w
-            f = (e + 1) % 3
-            dv = (1.0 if f == 1 else 0.0) - (1.0 if e == 1 else 0.0)
-            dw = (1.0 if f == 2 else 0.0) - (1.0 if e == 2 else 0.0)
+    move[0] = ((ww + damping) * g - vw * h) / det
+    move[1] = ((vv + damping) * h - vw * g) / det
+    k = len(across)
+    for side in range(k):
+        along, inside = _to_side(k, side, at[0], at[1])
+        if across[side] < 0 and inside <= 0.0 and _to_side(k, side, at[0] + move[0], at[1] + move[1])[1] < inside:
+            # along the border: d is the direction of the side in the derivatives by v and w
+            v, w = _from_side(k, side, 0.0, 0.0)
+            to_v, to_w = _from_side(k, side, 1.0, 0.0)
+            dv, dw = to_v - v, to_w - w
             slope = dv * g + dw * h
             square = dv * dv * vv + 2 * dv * dw * vw + dw * dw * ww
             t = slope / square if square > 0.0 else 0.0
-            t = min(max(t, -bary[f]), bary[e])
-            move[o], move[f], move[e] = 0.0, t, -t
+            t = min(max(t, -along), 1.0 - along)
+            move[0], move[1] = t * dv, t * dw
             return t * t * square
-    return move[1] * g + move[2] * h
+    return move[0] * g + move[1] * h
 
 
 @njit(cache=True)
-def _go(patches: PatchArrays, patch: int, bary: Floats, move: Floats, share: float, to: Floats) -> int:
+def _go(patches: PatchArrays, patch: int, at: Floats, move: Floats, share: float, to: Floats) -> int:
     """The place a share of the move away into `to`; its patch."""
+    k = patches.across.shape[1]
     reach = 1.0
-    for o in range(3):
-        if patches.across[patch, (o + 1) % 3] < 0 and bary[o] + share * move[o] < 0.0:
-            reach = min(reach, bary[o] / (-share * move[o]))
-    for i in range(3):
-        to[i] = bary[i] + reach * share * move[i]
+    for side in range(k):
+        if patches.across[patch, side] < 0:
+            inside = _to_side(k, side, at[0], at[1])[1]
+            after = _to_side(k, side, at[0] + share * move[0], at[1] + share * move[1])[1]
+            if after < 0.0:
+                reach = min(reach, max(inside, 0.0) / (inside - after))
+    v, w = at[0] + reach * share * move[0], at[1] + reach * share * move[1]
     for _ in range(12):
-        o = 0
-        if to[1] < to[o]:
-            o = 1
-        if to[2] < to[o]:
-            o = 2
-        if to[o] >= 0.0:
-            return patch
-        e, f = (o + 1) % 3, (o + 2) % 3
-        other = patches.across[patch, e]
-        be, bf, bo = to[e], to[f], to[o]
+        out, depth = 0, 0.0
+        for side in range(k):
+            inside = _to_side(k, side, v, w)[1]
+            if inside < depth:
+                out, depth = side, inside
+        if depth >= 0.0:
+            break
+        other = patches.across[patch, out]
         if other < 0:
             break
-        patch, side = other // 3, other % 3
-        # the side runs the other way there: its start is our end
-        to[side], to[(side + 1) % 3], to[(side + 2) % 3] = bf + bo, be + bo, -bo
-    total = 0.0
-    for i in range(3):
-        to[i] = max(to[i], 0.0)
-        total += to[i]
-    for i in range(3):
-        to[i] /= total
+        # the side runs the other way there, and what was outside is inside
+        along, inside = _to_side(k, out, v, w)
+        patch = other // k
+        v, w = _from_side(k, other % k, 1.0 - along, -inside)
+    to[0], to[1] = min(max(v, 0.0), 1.0), min(max(w, 0.0), 1.0)
+    if k == 3 and to[0] + to[1] > 1.0:
+        total = to[0] + to[1]
+        to[0], to[1] = to[0] / total, 1.0 - to[0] / total
     return patch
 
 
@@ -181,20 +233,21 @@ def _walk(
 ) -> tuple[Floats, Floats]:
     """Walk all data points; patch, v and w are changed in place; positions and unit normals."""
     positions, normals = np.empty_like(data), np.zeros_like(data)
-    b, c = np.empty((6, 15)), np.empty((6, MAX_SUPPORT))
-    here, there, bary, to, move = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    b, c = np.empty((6, N_BASIS)), np.empty((6, MAX_SUPPORT))
+    here, there, place, to, move = np.empty((3, 3)), np.empty((3, 3)), np.empty(2), np.empty(2), np.empty(2)
     for i in range(len(data)):
         at = patch[i]
-        bary[0], bary[1], bary[2] = 1.0 - v[i] - w[i], v[i], w[i]
-        _place(patches, points, at, bary, b, c, here)
+        place[0], place[1] = v[i], w[i]
+        _place(patches, points, at, place, b, c, here)
         best = _squared_distance(data[i], here)
         for _ in range(max_steps):
-            length = _step(data[i], here, patches.across[at], bary, move)
+            length = _step(data[i], here, patches.across[at], place, move)
             if length <= allowed:
                 break
-            share, moved = min(1.0, 1.5 / max(abs(move[0]), abs(move[1]), abs(move[2]))), False
+            longest = max(abs(move[0]), abs(move[1]), abs(move[0] + move[1]))
+            share, moved = min(1.0, 1.5 / longest), False
             for _ in range(6):
-                new = _go(patches, at, bary, move, share, to)
+                new = _go(patches, at, place, move, share, to)
                 _place(patches, points, new, to, b, c, there)
                 distance = _squared_distance(data[i], there)
                 if distance < best:
@@ -204,9 +257,12 @@ def _walk(
             if not moved:
                 break
             at, best = new, distance
-            bary[:], here[:] = to, there
-        patch[i], v[i], w[i] = at, bary[1], bary[2]
-        positions[i] = here[0]
+            # slices would do, but take seconds to compile
+            place[0], place[1] = to[0], to[1]
+            here, there = there, here
+        patch[i], v[i], w[i] = at, place[0], place[1]
+        for axis in range(3):
+            positions[i, axis] = here[0, axis]
         nx = here[1, 1] * here[2, 2] - here[1, 2] * here[2, 1]
         ny = here[1, 2] * here[2, 0] - here[1, 0] * here[2, 2]
         nz = here[1, 0] * here[2, 1] - here[1, 1] * here[2, 0]

@@ -3,7 +3,7 @@
 The error from the data to the surface says nothing about surface that is nearest to no data point. Two guards do:
 
     stray  a sample of the surface farther from the scan than the fit is elsewhere becomes a data point of its own:
-           it wants to come to the tangent plane of the scan point nearest to it
+           it wants to come to the nearest point of the scan
     fold   two triangles of the tessellation more than 90 degrees apart where the scan has no such edge: the control
            points around are made stiffer, until the fold is gone
 """
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from recon.geometric_fit.foot_points import Feet
-from recon.geometric_fit.scan_data import ScanData
+from recon.geometric_fit.foot_points import Feet, sample_places
+from recon.geometric_fit.scan_data import FOLD, ScanData
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import edge_table
@@ -28,13 +28,14 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 SAME_PLACE = 0.005  # share of the diagonal within which a fold of the scan excuses a fold of the surface
-SAMPLES = ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))
+CREASE_FOLD = np.cos(np.radians(120.0))  # across a crease, where a right angle is as it should be
+HELD = 0.05  # weight in a fold from which on a control point is one of those that make it
 
 
 class Strays(NamedTuple):
     """Samples of the surface that are too far from the scan.
 
-    feet     where they are; `normals` are those of the scan
+    feet     where they are; `normals` point to the targets
     targets  (m, 3) the scan points they should come to
     """
 
@@ -46,18 +47,20 @@ class Guards:
     """Both guards for one control mesh; what depends on its connections alone is made once."""
 
     def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
-        self._scan, self._faces, self._n_control = scan, mesh.faces_of(3), mesh.n_vertices
-        n_patches = len(patches.sheets.faces)
-        patch = np.repeat(np.arange(n_patches), len(SAMPLES))
-        v, w = np.tile(np.array(SAMPLES), (n_patches, 1)).T.copy()
-        self._samples = _feet_at(patch, v, w)
+        self._scan, self._n_control = scan, mesh.n_vertices
+        self._samples = _feet_at(*sample_places(patches))
         self._to_samples = basis_rows(patches, self._samples).matrix(self._n_control)
-        patch, v, w, self._triangles = tessellation_places(patches.sheets, 1)
-        self._to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
+        patch, v, w, triangles = tessellation_places(patches.sheets, 1)
+        to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
+        self._to_corners, self._triangles, joined = _welded(to_corners, triangles)
+        ones = np.ones(len(mesh.face_corners))
+        incidence = sparse.csr_array((ones, mesh.face_corners, mesh.face_starts), shape=(mesh.n_faces, mesh.n_vertices))
+        self._around = sparse.csr_array(incidence.T @ incidence)
         table = edge_table(self._triangles)
         edge, face = table.edge_faces()
         pair = np.flatnonzero(edge[1:] == edge[:-1])
         self._ends, self._one, self._two = table.edges[edge[pair]], face[pair], face[pair + 1]
+        self._limit = np.where(joined[self._ends].all(axis=1), CREASE_FOLD, FOLD)
 
     def strays(self, control_points: Floats, allowed: float) -> Strays:
         """The samples of the surface that are farther from the scan than `allowed`, a length."""
@@ -68,10 +71,11 @@ class Guards:
         # the height over the nearest point's plane is a first guess; far beside that point it says little
         beside = distance**2 - height**2 > 9.0 * np.median(distance) ** 2
         far = np.flatnonzero((height > allowed) | (beside & (distance > allowed)))
-        target, face = scan.nearest_on_triangles_at(places[far], nearest[far])
+        target, _face = scan.nearest_on_triangles_at(places[far], nearest[far])
         off = np.linalg.norm(places[far] - target, axis=1) > allowed
-        far, target, face = far[off], target[off], face[off]
-        normals = scan.area_vectors[face]
+        far, target = far[off], target[off]
+        # not the normals of the scan: beyond its border the way back is along them
+        normals = target - places[far]
         normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         at = self._samples
         return Strays(Feet(at.patch[far], at.v[far], at.w[far], places[far], normals), target)
@@ -81,14 +85,29 @@ class Guards:
         corners = self._to_corners @ control_points
         a, b, c = corners[self._triangles].transpose(1, 0, 2)
         normal = np.cross(b - a, c - a)
-        turned = np.flatnonzero(np.einsum("ij,ij->i", normal[self._one], normal[self._two]) < 0.0)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        turned = np.flatnonzero(np.einsum("ij,ij->i", normal[self._one], normal[self._two]) < self._limit)
         if len(self._scan.folds) and len(turned):
             middle = corners[self._ends[turned]].mean(axis=1)
             turned = turned[self._scan.fold_tree.query(middle)[0] > SAME_PLACE * self._scan.diagonal]
         folded = np.zeros(self._n_control, dtype=bool)
-        per_face = len(self._triangles) // len(self._faces)
-        folded[self._faces[np.concatenate([self._one[turned], self._two[turned]]) // per_face]] = True
+        rows = self._to_corners[np.unique(self._triangles[np.concatenate([self._one[turned], self._two[turned]])])]
+        folded[rows.indices[rows.data > HELD]] = True
         return folded
+
+    def widened(self, control_points: Bools) -> Bools:
+        """(V,) these control points and all that share a face with one."""
+        return control_points | (self._around @ control_points.astype(np.float64) > 0.0)
+
+
+def _welded(rows: sparse.csr_array, triangles: Ints) -> tuple[sparse.csr_array, Ints, Bools]:
+    """The places that `rows` stand for with those on both sides of a crease made one; triangles; which were made one.
+
+    The two sides of a crease are known by their weights, which are alike.
+    """
+    mark = rows @ np.random.default_rng(0).random(rows.shape[1])
+    _, first, place, count = np.unique(np.round(mark, 10), return_index=True, return_inverse=True, return_counts=True)
+    return sparse.csr_array(rows[first]), place.ravel()[triangles], count > 1
 
 
 def _feet_at(patch: Ints, v: Floats, w: Floats) -> Feet:
@@ -104,7 +123,7 @@ def fairness(mesh: ControlMesh, stiffness: Floats) -> sparse.csr_array:
 
 def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
     """(V, V) mean of the neighbours of every control point; on creases and borders of those along them."""
-    faces, n = mesh.faces_of(3), mesh.n_vertices
+    faces, n = mesh.faces_of(int(mesh.face_starts[1])), mesh.n_vertices
     table = edge_table(faces)
     creases = np.sort(mesh.crease_edges, axis=1)
     edges = table.edges

@@ -12,25 +12,30 @@ pulled back (`guards`).
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadOption, NoSurface
+from recon.errors import NoSurface, NotManifold
+from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
-from recon.geometric_fit.foot_points import EXACT, Feet, nearest_feet, walk_feet
-from recon.geometric_fit.guards import Guards, Strays, fairness, neighbour_means
+from recon.geometric_fit.creases import n_loose_ends, with_creases
+from recon.geometric_fit.folding import stepped, unfolded
+from recon.geometric_fit.foot_points import EXACT, Feet, joined, nearest_feet, walk_feet
+from recon.geometric_fit.guards import Guards, Strays, fairness
+from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.initial_mesh import initial_mesh
-from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
+from recon.geometric_fit.options import FitOptions, FittedSurface
+from recon.geometric_fit.quad_mesh import initial_quads
+from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
 from recon.geometric_fit.scan_data import scan_data
-from recon.geometric_fit.updates import Pull, Update, Updater
+from recon.geometric_fit.updates import Pull, Updater
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.halfedges import opposite_sides
+from recon.numerics.halfedges import edge_table
 from recon.subdivision.evaluation import points_at
-from recon.subdivision.limit_surface import LimitPatches, limit_patches
+from recon.subdivision.limit_surface import LimitPatches, Scheme, limit_patches
 
 __all__ = ["FitOptions", "FittedSurface", "fit_surface"]
 
@@ -38,83 +43,48 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
-CYCLES, ROUNDS, LAST_ROUNDS = 4, 4, 6  # refinements, rounds before each, rounds after the last
+RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
+FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
+CYCLES, ROUNDS = 4, 4  # refinements, rounds before each
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
 FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the data's
-STIFFER, STIFFEST = 4.0, 64.0  # times stiffer where the surface folds, in one round and in all
+STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
+EASING = 1.4  # times less stiff a round where it would not
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
+OUTLYING = 2.5  # standard deviations from where on a point counts little, where outliers are expected
 GROWTH = 1.5  # times more control points a cycle, where only a tolerance is given
 STAGNATION = 0.01  # a cycle that lowers neither error by this share brings no more
-HALVINGS = 3  # of a step that folds the surface
-UNFOLDINGS = 12
-
-
-@dataclass(frozen=True)
-class FitOptions:
-    """What a user may choose.
-
-    control_points  at most so many; None: as many as the tolerance needs, or a twentieth of the points without one
-    tolerance       length that no data point may be off by; None: no limit
-    update          the rule by which control points move
-    plain           all control points from the start, six rounds, no refinement and no reweighting
-    Raises  BadOption.
-    """
-
-    control_points: int | None = None
-    tolerance: float | None = None
-    update: Update = Update.TANGENT
-    plain: bool = False
-
-    def __post_init__(self) -> None:
-        if self.control_points is not None and self.control_points < 4:
-            raise BadOption("--control-points", f"a closed surface needs 4, not {self.control_points}")
-        if self.tolerance is not None and not 0 < self.tolerance < np.inf:
-            raise BadOption("--tolerance", f"must be a positive length, not {self.tolerance}")
-
-
-@dataclass(frozen=True, eq=False)
-class FittedSurface:
-    """What was found.
-
-    mesh        the control mesh of the Loop surface
-    distances   (N,) of the scan's vertices from the surface, foot points exact
-    errors      their norms in per cent of the diagonal
-    diagonal    of the box around the scan
-    rounds      the record, one row a round
-    stopped_by  what ended the fit
-    folds       control points whose faces still fold where the scan does not
-    """
-
-    mesh: ControlMesh
-    distances: Floats
-    errors: Norms
-    diagonal: float
-    rounds: tuple[Round, ...]
-    stopped_by: StoppedBy
-    folds: int
 
 
 def fit_surface(
     scan: TriangleMesh, options: FitOptions | None = None, *, doing: Callable[[str], None] = lambda step: None
 ) -> FittedSurface:
-    """The Loop surface nearest to a scan.
+    """The subdivision surface nearest to a scan.
 
-    scan     triangles of a closed surface
+    scan     triangles of a surface, closed or open, in one piece or several
     doing    called with what happens, round by round
-    Raises   NoSurface, NoControlMesh, BadOption.
+    Raises   NoSurface, NotManifold, NoControlMesh, BadOption.
     Paper    [maekawa2009].
     """
     chosen = options or FitOptions()
     if scan.n_faces < 4:
         raise NoSurface(f"{scan.name} has {scan.n_faces} triangles; a surface cannot be fitted to so few.")
-    n_open = int((opposite_sides(scan.face_vertices) < 0).sum())
-    if n_open:
-        raise NoSurface(
-            f"{scan.name} has {n_open} open edges, and only closed scans are fitted so far; close its holes."
-        )
+    _refuse_tangles(scan)
     # the matrices are small: threads of the linear algebra library wait for each other longer than they work
     with threadpool_limits(limits=1, user_api="blas"):
         return _Fit(scan, chosen, doing).run()
+
+
+def _refuse_tangles(scan: TriangleMesh) -> None:
+    """Raise NotManifold for a scan with an edge that no surface has."""
+    table = edge_table(scan.face_vertices)
+    for edges, problem in (
+        (table.overused(), "edges with more than two faces"),
+        (table.misoriented(), "edges whose two faces disagree about what is outside"),
+    ):
+        if len(edges):
+            where = scan.vertices[edges[0]].mean(axis=0).tolist()
+            raise NotManifold(scan.name, f"{len(edges)} {problem}, where no surface can be fitted", where)
 
 
 class _Fit:
@@ -124,17 +94,21 @@ class _Fit:
         self._begin = time.perf_counter()
         self._options, self._doing = options, doing
         self._limit = _most_control_points(scan, options)
-        self._scan = scan_data(scan, self._limit)
+        whole, self._n_closed = close_holes(scan) if options.close else (scan, 0)
+        if self._n_closed:
+            doing(f"closed {self._n_closed} holes")
+        self._scan = scan_data(whole, self._limit, n_measured=scan.n_vertices)
         self._weights = self._scan.weights.copy()
         self._record: list[Round] = []
 
     def run(self) -> FittedSurface:
         self._doing("simplifying the scan")
-        mesh = flip_to_even_valences(initial_mesh(self._scan.mesh, self._first_count()))
+        mesh = self._initial()
         stopped, cycle, last = None, 0, None
         while stopped is None:
-            final = self._options.plain or mesh.n_vertices >= self._limit
-            mesh, patches, feet = self._settled(mesh, cycle, LAST_ROUNDS if final else ROUNDS)
+            final = self._options.plain or mesh.n_vertices >= self._full()
+            n_rounds = self._options.rounds if final else ROUNDS
+            mesh, patches, feet = self._settled(mesh, cycle, n_rounds)
             errors = norms(self._distances(feet), self._scan.diagonal)
             stopped = self._end(errors, last, final)
             if stopped is None:
@@ -142,12 +116,40 @@ class _Fit:
                 mesh = self._refined(mesh, feet, cycle)
         return self._finished(mesh, patches, feet, stopped)
 
+    def _initial(self) -> ControlMesh:
+        """The control mesh to start from."""
+        if self._options.scheme is Scheme.LOOP:
+            return self._triangles(self._first_count())
+        return initial_quads(self._triangles if self._options.plain else self._fitted_triangles, self._first_count())
+
+    def _triangles(self, count: int) -> ControlMesh:
+        """The scan simplified, its sharp edges marked, valences evened out."""
+        scan = self._scan.mesh
+        angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
+        mesh = with_creases(initial_mesh(scan, count), scan, angle)
+        while n_loose_ends(mesh) > RAGGED * len(mesh.crease_edges) and count > 100 and not self._options.plain:
+            # the simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later
+            count = int(COARSER * count)
+            mesh = with_creases(initial_mesh(scan, count), scan, angle)
+        return flip_to_even_valences(mesh)
+
+    def _fitted_triangles(self, count: int) -> ControlMesh:
+        """The control mesh of a Loop surface: its points are where the error was, its valences even."""
+        angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
+        options = FitOptions(control_points=count, crease_angle=angle, robust=self._options.robust)
+        return _Fit(self._scan.mesh, options, self._doing).run().mesh
+
+    def _full(self) -> int:
+        """Control points from which on there is no room for more: triangles take one at a time, quadrilaterals four."""
+        return self._limit if self._options.scheme is Scheme.LOOP else self._limit - 3
+
     def _first_count(self) -> int:
         if self._options.plain:
             return self._limit
         if self._options.control_points is None and self._options.tolerance is not None:
             return max(min(self._scan.n_measured // 100, self._limit), 100)
-        return max(int(FIRST_SHARE * self._limit), 4)
+        share = FIRST_SHARE if self._options.scheme is Scheme.LOOP else FIRST_QUADS
+        return max(int(share * self._limit), 4)
 
     def _end(self, errors: Norms, last: Norms | None, final: bool) -> StoppedBy | None:
         tolerance = self._options.tolerance
@@ -167,10 +169,10 @@ class _Fit:
     def _settled(self, mesh: ControlMesh, cycle: int, n_rounds: int) -> tuple[ControlMesh, LimitPatches, Feet]:
         """Some rounds on one control mesh: pull, move, find the feet again."""
         scan = self._scan
-        patches = limit_patches(mesh)
-        guards = Guards(mesh, patches, scan)
+        patches = limit_patches(mesh, self._options.scheme)
+        guards, borders = Guards(mesh, patches, scan), Borders(mesh, patches, scan)
         # a step is only allowed to keep what is not folded so: start without folds
-        points = _unfolded(mesh, guards)[0].vertices
+        points = unfolded(mesh, guards)[0].vertices
         feet = nearest_feet(patches, patches.points @ points, scan.points, step=1e-5)
         usual = FAIRNESS * scan.n_measured / mesh.n_vertices
         stiffness = np.full(mesh.n_vertices, usual)
@@ -181,18 +183,21 @@ class _Fit:
             if number % 2 == 0 or strays is None:
                 allowed = STRAY * float(np.sqrt(np.mean(self._distances(feet) ** 2)))
                 strays = guards.strays(points, allowed)
-            pull = self._pull(patches, points, feet, strays)._replace(faces=mesh.faces_of(3), fairness=energy)
-            points, folded = _stepped(guards, points, updater.moved(patches, points, pull))
-            if folded.any():
-                stiffness[folded] = np.minimum(STIFFER * stiffness[folded], STIFFEST * usual)
+            pull = self._pull(patches, points, feet, (strays, borders.pull(points)))
+            pull = pull._replace(faces=_faces(mesh), fairness=energy)
+            step = stepped(guards, points, updater.moved(patches, points, pull))
+            points = step.points
+            if step.folding.any():
+                eased = np.maximum(stiffness / EASING, usual)
+                stiffness = np.where(step.folding, np.minimum(STIFFER * stiffness, STIFFEST * usual), eased)
                 energy = fairness(mesh, stiffness)
             feet = walk_feet(patches, patches.points @ points, scan.points, feet)
             errors = self._note(mesh, feet)
             # the largest error jumps from round to round where the scan has two sheets close together
-            merit = (int(folded.sum()), errors.rms * errors.maximum)
+            merit = (int(step.folded.sum()), errors.rms * errors.maximum)
             if merit <= best[0]:
                 best = merit, points, feet
-            if cycle > 0:
+            if cycle > 0 or self._options.robust:
                 self._reweigh(feet)
         return mesh.with_vertices(best[1]), patches, best[2]
 
@@ -201,18 +206,30 @@ class _Fit:
         n = self._scan.n_measured
         return np.linalg.norm(feet.positions[:n] - self._scan.points[:n], axis=1)
 
-    def _pull(self, patches: LimitPatches, control_points: Floats, feet: Feet, strays: Strays) -> Pull:
-        """Data points and straying samples together; the samples stay where they are in their patches."""
+    def _pull(self, patches: LimitPatches, control_points: Floats, feet: Feet, more: tuple[Strays, BorderPull]) -> Pull:
+        """Data points, those of them that pull sideways, and samples that stay where they are in their patches."""
+        scan, points = self._scan, patches.points @ control_points
+        strays, border = more
         at = strays.feet
-        positions = points_at(patches.arrays, patches.points @ control_points, at.patch, at.v, at.w, 1)[:, 0]
-        both = Feet(*(np.concatenate(pair) for pair in zip(feet, at._replace(positions=positions))))
-        targets = np.concatenate([self._scan.points, strays.targets])
-        weights = np.concatenate([self._weights, np.full(len(at.patch), STRAY_WEIGHT)])
-        return Pull(both, targets, weights, np.empty((0, 3), dtype=np.int64), patches.points[:0])
+        positions = points_at(patches.arrays, points, at.patch, at.v, at.w, 1)[:, 0]
+        beside, conormals = sideways(patches, points, feet)
+        again = feet.chosen(beside)._replace(normals=conormals)
+        parts = (feet, again, at._replace(positions=positions), border.feet)
+        all_feet = joined(parts)
+        targets = np.concatenate([scan.points, scan.points[beside], strays.targets, border.targets])
+        # as much as the data points along it
+        along = np.sqrt(scan.n_measured / len(control_points)) / 4.0
+        others = np.repeat([STRAY_WEIGHT, along], [len(at.patch), len(border.targets)])
+        weights = np.concatenate([self._weights, self._weights[beside], others])
+        return Pull(all_feet, targets, weights, np.empty((0, 3), dtype=np.int64), patches.points[:0])
 
     def _reweigh(self, feet: Feet) -> None:
-        """Points far off count more from round to round, up to 37 times: the largest error falls."""
+        """Points far off count more from round to round, up to 37 times: the largest error falls. Or less: robust."""
         distance = np.linalg.norm(feet.positions - self._scan.points, axis=1)
+        if self._options.robust:
+            usual = 1.4826 * float(np.median(distance[: self._scan.n_measured]))
+            self._weights = self._scan.weights / (1.0 + (distance / max(OUTLYING * usual, 1e-300)) ** 2) ** 2
+            return
         spread = float(np.sqrt(np.mean(self._distances(feet) ** 2)))
         far = np.minimum(distance / max(3.0 * spread, 1e-300), 6.0) ** 2
         self._weights = 0.5 * self._weights + 0.5 * self._scan.weights * (1.0 + far)
@@ -233,11 +250,21 @@ class _Fit:
             n_new = min(int((GROWTH - 1.0) * mesh.n_vertices) + 1, left)
         else:
             n_new = min(-(-left // max(CYCLES + 1 - cycle, 1)), left)
-        return flip_to_even_valences(split_faces(mesh, self._worst_faces(mesh, feet, n_new), n_new))
+        worst = self._worst_faces(mesh, feet, n_new)
+        if self._options.scheme is not Scheme.LOOP:
+            return inset_faces(mesh, worst, n_new)
+        split = split_faces(mesh, worst, n_new)
+        flipped = flip_to_even_valences(split)
+        # flips even the valences out, but may fold a surface that was smooth before
+        folds = [int(self._guards(each).folded(each.vertices).sum()) for each in (flipped, split)]
+        return flipped if folds[0] <= folds[1] else split
+
+    def _guards(self, mesh: ControlMesh) -> Guards:
+        return Guards(mesh, limit_patches(mesh, self._options.scheme), self._scan)
 
     def _worst_faces(self, mesh: ControlMesh, feet: Feet, n_new: int) -> Ints:
         distance = self._distances(feet)
-        face = feet.patch[: self._scan.n_measured] // 4
+        face = np.minimum(feet.patch[: self._scan.n_measured] // 4, mesh.n_faces - 1)
         largest, squares = np.zeros(mesh.n_faces), np.bincount(face, distance**2, mesh.n_faces)
         np.maximum.at(largest, face, distance)
         n_peaks = int(PEAK_SHARE * n_new)
@@ -247,49 +274,34 @@ class _Fit:
 
     def _finished(self, mesh: ControlMesh, patches: LimitPatches, feet: Feet, stopped: StoppedBy) -> FittedSurface:
         scan = self._scan
-        mesh, folds = _unfolded(mesh, Guards(mesh, patches, scan))
+        folds = int(Guards(mesh, patches, scan).folded(mesh.vertices).sum())
         measured = scan.points[: scan.n_measured]
         points = patches.points @ mesh.vertices
         n = scan.n_measured
-        warm = Feet(feet.patch[:n], feet.v[:n], feet.w[:n], feet.positions[:n], feet.normals[:n])
+        warm = feet.chosen(np.arange(n))
         found = (nearest_feet(patches, points, measured), walk_feet(patches, points, measured, warm, step=EXACT))
         # two starts, as either may end at a point that is nearest only among its neighbours
         distances = np.minimum(*(np.linalg.norm(each.positions - measured, axis=1) for each in found))
         errors = norms(distances, scan.diagonal)
-        return FittedSurface(mesh, distances, errors, scan.diagonal, tuple(self._record), stopped, folds)
+        return FittedSurface(
+            mesh=mesh,
+            scheme=self._options.scheme,
+            distances=distances,
+            errors=errors,
+            diagonal=scan.diagonal,
+            rounds=tuple(self._record),
+            stopped_by=stopped,
+            folds=folds,
+            n_closed=self._n_closed,
+        )
+
+
+def _faces(mesh: ControlMesh) -> Ints:
+    """(F, k) the control faces, which all have as many corners."""
+    return mesh.faces_of(int(mesh.face_starts[1]))
 
 
 def _most_control_points(scan: TriangleMesh, options: FitOptions) -> int:
     if options.control_points is not None:
         return min(options.control_points, scan.n_vertices)
     return max(scan.n_vertices // (3 if options.tolerance is not None else 20), 4)
-
-
-def _stepped(guards: Guards, old: Floats, new: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """The control points after the step, shortened where it would fold the surface, and which of them still fold.
-
-    Where halving does not help, the step is taken back: what did not fold before does not fold after.
-    """
-    kept = np.zeros(len(old), dtype=bool)
-    folded = guards.folded(new)
-    for number in range(2 * HALVINGS):
-        if not folded.any():
-            break
-        if number < HALVINGS:
-            new = np.where(folded[:, None], 0.5 * (old + new), new)
-        else:
-            kept |= folded
-            new = np.where(kept[:, None], old, new)
-        folded = guards.folded(new)
-    return new, folded
-
-
-def _unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
-    """Control points of faces that still fold go toward their neighbours' mean until none does, or it does not help."""
-    means, points = neighbour_means(mesh), mesh.vertices
-    for _ in range(UNFOLDINGS):
-        folded = guards.folded(points)
-        if not folded.any():
-            break
-        points = np.where(folded[:, None], 0.5 * (points + means @ points), points)
-    return mesh.with_vertices(points), int(folded.sum())

@@ -8,6 +8,11 @@
         \\   /             \\ | /                                      \\   /          \\ | /
           d                 d                                          d              d
 
+    inset: a quadrilateral in a bad one      a---b          a-----b
+                                             |   |   -->    | m-n |
+                                             d---c          | p-o |   ...
+                                                            d-----c
+
 d_opt is 6 inside and 4 on the border. Neighbours stay whole, so the mesh conforms after every step. Creases are never
 flipped, and stay creases when split.
 
@@ -25,7 +30,7 @@ from numpy.typing import NDArray
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
 
-__all__ = ["flip_to_even_valences", "split_faces"]
+__all__ = ["flip_to_even_valences", "inset_faces", "split_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -73,12 +78,44 @@ def split_faces(mesh: ControlMesh, worst_first: Ints, n_new: int) -> ControlMesh
     Promises     the old vertices keep their numbers; the new ones follow, on the edge masks of Loop's scheme.
     """
     sides = _sides(mesh)
-    room = mesh.n_vertices + n_new
-    faces, across, sharp, vertices, n_faces, n_vertices = _split_all(
-        sides.faces, sides.across, sides.sharp, mesh.vertices, worst_first, n_new, room
-    )
+    more, room = 6 * n_new, mesh.n_vertices + n_new
+    faces, across = (np.concatenate([part, np.full(more, -1)]) for part in (sides.faces, sides.across))
+    sharp = np.concatenate([sides.sharp, np.zeros(more, dtype=np.bool_)])
+    vertices = np.concatenate([mesh.vertices, np.empty((n_new, 3))])
+    touched = np.zeros(len(faces) // 3, dtype=np.bool_)
+    counts = _split_all(faces, across, sharp, vertices, worst_first, touched, (mesh.n_faces, mesh.n_vertices, room))
+    n_faces, n_vertices = counts
     grown = _Sides(faces[: 3 * n_faces], across[: 3 * n_faces], sharp[: 3 * n_faces])
     return _mesh(vertices[:n_vertices], grown, mesh.corner_vertices)
+
+
+def inset_faces(mesh: ControlMesh, worst_first: Ints, n_new: int) -> ControlMesh:
+    """Put a smaller quadrilateral into each of the given ones, four points each, at most `n_new` points in all.
+
+    worst_first  (m,) faces; one that shares a corner with a worse one is passed over
+    Promises     the old vertices keep their numbers; neighbours stay whole.
+    """
+    faces = mesh.faces_of(4)
+    touched = np.zeros(mesh.n_vertices, dtype=np.bool_)
+    chosen: list[int] = []
+    for face in worst_first.tolist():
+        if len(chosen) == n_new // 4:
+            break
+        if not touched[faces[face]].any():
+            touched[faces[face]] = True
+            chosen.append(face)
+    outer = faces[np.array(chosen, dtype=np.int64)]
+    corners = mesh.vertices[outer]
+    inner_points = (2.0 * corners + corners.mean(axis=1, keepdims=True)) / 3.0
+    inner = mesh.n_vertices + np.arange(outer.size).reshape(outer.shape)
+    around = np.stack([outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1), inner], axis=2).reshape(-1, 4)
+    grown = np.concatenate([np.delete(faces, chosen, axis=0), inner, around])
+    return ControlMesh.from_faces(
+        np.concatenate([mesh.vertices, inner_points.reshape(-1, 3)]),
+        grown,
+        crease_edges=mesh.crease_edges,
+        corner_vertices=mesh.corner_vertices,
+    )
 
 
 @njit(cache=True)
@@ -229,16 +266,16 @@ def _longest_side(faces: Ints, x: Floats, face: int) -> int:
 
 @njit(cache=True)
 def _split_all(
-    old_faces: Ints, old_across: Ints, old_sharp: Bools, old_x: Floats, worst_first: Ints, n_new: int, room: int
-) -> tuple[Ints, Ints, Bools, Floats, int, int]:
-    n_old = len(old_faces)
-    size = n_old + 6 * n_new
-    faces, across, sharp = np.full(size, -1), np.full(size, -1), np.zeros(size, dtype=np.bool_)
-    faces[:n_old], across[:n_old], sharp[:n_old] = old_faces, old_across, old_sharp
-    x = np.empty((room, 3))
-    x[: len(old_x)] = old_x
-    touched = np.zeros(size // 3, dtype=np.bool_)
-    n_faces, n_vertices = n_old // 3, len(old_x)
+    faces: Ints,
+    across: Ints,
+    sharp: Bools,
+    x: Floats,
+    worst_first: Ints,
+    touched: Bools,
+    counts: tuple[int, int, int],
+) -> tuple[int, int]:
+    """Split in place, in arrays with room; counts are faces, vertices, and the most vertices there may be."""
+    n_faces, n_vertices, room = counts
     for face in worst_first:
         if n_vertices == room:
             break
@@ -253,7 +290,7 @@ def _split_all(
             touched[other // 3] = True
         n_faces = _split(faces, across, sharp, x, side, n_faces, n_vertices)
         n_vertices += 1
-    return faces, across, sharp, x, n_faces, n_vertices
+    return n_faces, n_vertices
 
 
 @njit(cache=True)

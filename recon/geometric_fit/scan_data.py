@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.distance import nearest_on_triangles
-from recon.numerics.halfedges import edge_table, vertex_normals
+from recon.numerics.distance import TriangleTree, nearest_on_triangles
+from recon.numerics.halfedges import edge_table, free_edges, vertex_normals
 
 __all__ = ["ScanData", "fold_places", "scan_data"]
 
@@ -36,11 +36,12 @@ class ScanData:
     """Points to fit, and the scan they come from.
 
     mesh        the scan
-    points      (N, 3) the scan's vertices that faces use, then samples on its large triangles
+    points      (N, 3) the scan's vertices that faces use, then vertices that fill its holes, then samples on large
+                triangles
     weights     (N,) how much each counts
     normals     (N, 3) unit normals of the scan there
-    sampled_faces  (N - n_measured,) the triangle of every sample
-    n_measured  how many of the points are vertices
+    sampled_faces  the triangle of every sample
+    n_measured  how many of the points were measured
     diagonal    of the box around the scan
     """
 
@@ -61,7 +62,8 @@ class ScanData:
     def point_faces(self) -> tuple[Ints, Ints]:
         """Where the triangles around each point begin, (N + 1,), in the row of all of them."""
         corner = np.unique(self.mesh.face_vertices, return_inverse=True)[1].ravel()
-        owner = np.concatenate([corner, self.n_measured + np.arange(len(self.sampled_faces))])
+        first_sample = len(self.points) - len(self.sampled_faces)
+        owner = np.concatenate([corner, first_sample + np.arange(len(self.sampled_faces))])
         faces = np.concatenate([np.repeat(np.arange(self.mesh.n_faces), 3), self.sampled_faces])
         order = np.argsort(owner, kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(self.points)))])
@@ -85,6 +87,21 @@ class ScanData:
         return self.mesh.area_vectors()
 
     @cached_property
+    def is_open(self) -> bool:
+        """Whether the scan has a border."""
+        return len(self.border) > 0
+
+    @cached_property
+    def border(self) -> Ints:
+        """(B, 2) the edges of the scan with one face only."""
+        return free_edges(self.mesh.face_vertices)
+
+    @cached_property
+    def border_tree(self) -> TriangleTree:
+        """Search tree over the border, whose edges are triangles without area."""
+        return TriangleTree(self.mesh.vertices, self.border[:, [0, 1, 1]])
+
+    @cached_property
     def fold_tree(self) -> cKDTree:
         """Search tree over the folds."""
         return cKDTree(self.folds)
@@ -95,10 +112,10 @@ class ScanData:
         return fold_places(self.mesh.vertices, self.mesh.face_vertices)
 
 
-def scan_data(mesh: TriangleMesh, n_control: int) -> ScanData:
+def scan_data(mesh: TriangleMesh, n_control: int, *, n_measured: int | None = None) -> ScanData:
     """The points to fit with about `n_control` control points; triangles as large as a control face are sampled.
 
-    Vertices that no face uses are left out.
+    Vertices that no face uses are left out; those from `n_measured` on fill holes, and weigh as little as samples.
     """
     used = np.unique(mesh.face_vertices)
     vertices = mesh.vertices[used]
@@ -109,14 +126,15 @@ def scan_data(mesh: TriangleMesh, n_control: int) -> ScanData:
     control_edge = np.sqrt(area.sum() / (2.0 * n_control) * 4.0 / np.sqrt(3.0))
     samples, face = _samples_on_large(mesh, control_edge)
     facing = area_vectors[face] / np.maximum(area[face, None], 1e-300)
+    measured = used < (mesh.n_vertices if n_measured is None else n_measured)
     return ScanData(
         mesh,
         np.concatenate([vertices, samples]),
-        np.concatenate([np.ones(len(vertices)), np.full(len(samples), SAMPLE_WEIGHT)]),
+        np.concatenate([np.where(measured, 1.0, SAMPLE_WEIGHT), np.full(len(samples), SAMPLE_WEIGHT)]),
         np.concatenate([normals, facing]),
         face,
-        len(vertices),
-        float(np.linalg.norm(np.ptp(vertices, axis=0))),
+        int(measured.sum()),
+        float(np.linalg.norm(np.ptp(vertices[measured], axis=0))),
     )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from recon.geometric_fit.foot_points import Feet
-from recon.subdivision.evaluation import MAX_SUPPORT, PatchArrays, patch_weights
+from recon.subdivision.evaluation import MAX_SUPPORT, N_BASIS, PatchArrays, patch_weights
 from recon.subdivision.limit_surface import LimitPatches
 
 __all__ = ["BasisRows", "Metric", "basis_rows", "tangent_distance_move"]
@@ -89,7 +89,7 @@ def _rows(
 ) -> tuple[Ints, SmallInts, Floats, int]:
     starts = np.zeros(len(patch) + 1, dtype=np.int64)
     columns, values = np.empty(bound, dtype=np.int32), np.empty(bound)
-    b, c = np.empty((6, 15)), np.empty((6, MAX_SUPPORT))
+    b, c = np.empty((6, N_BASIS)), np.empty((6, MAX_SUPPORT))
     place, owner = np.zeros(n_control, dtype=np.int64), np.full(n_control, -1)
     filled = 0
     for i in range(len(patch)):

@@ -47,7 +47,7 @@ class Pull(NamedTuple):
     feet      (N) places on the surface, with the normals of the planes the residuals are measured to
     targets   (N, 3) where each should come to
     weights   (N,) how much it counts
-    faces     (F, 3) the control faces
+    faces     (F, k) the control faces, three- or four-sided
     fairness  (V, V) sparse energy of the control mesh
     """
 
@@ -114,10 +114,11 @@ class Updater:
 def _mean_move(patches: LimitPatches, n_control: int, pull: Pull, *, hat: bool) -> Floats:
     """sum u e / sum u for every control point; u is its barycentric coordinate, or its basis function."""
     if hat:
-        bary = _control_barycentric(pull.feet)
-        rows = np.repeat(np.arange(len(bary)), 3)
-        columns = pull.faces[pull.feet.patch // 4].ravel()
-        weights = sparse.csr_array(sparse.coo_array((bary.ravel(), (rows, columns)), shape=(len(bary), n_control)))
+        k = pull.faces.shape[1]
+        shares = _control_barycentric(pull.feet) if k == 3 else _control_bilinear(pull.feet)
+        rows = np.repeat(np.arange(len(shares)), k)
+        columns = pull.faces[np.minimum(pull.feet.patch // 4, len(pull.faces) - 1)].ravel()
+        weights = sparse.csr_array(sparse.coo_array((shares.ravel(), (rows, columns)), shape=(len(shares), n_control)))
     else:
         weights = basis_rows(patches, pull.feet).matrix(n_control)
     scaled = sparse.csr_array(sparse.diags_array(pull.weights) @ weights)
@@ -135,4 +136,14 @@ def _control_barycentric(feet: Feet) -> Floats:
     out[row, corner], out[row, (corner + 1) % 3], out[row, (corner + 2) % 3] = u + (v + w) / 2.0, v / 2.0, w / 2.0
     middle = child == 3
     out[middle] = np.stack([u + w, u + v, v + w], axis=1)[middle] / 2.0
+    return out
+
+
+def _control_bilinear(feet: Feet) -> Floats:
+    """(N, 4) bilinear weights of the corners of the control face of places in its four patches."""
+    corner, v, w = feet.patch % 4, feet.v / 2.0, feet.w / 2.0
+    out = np.empty((len(v), 4))
+    row = np.arange(len(v))
+    for i, share in enumerate(((1.0 - v) * (1.0 - w), v * (1.0 - w), v * w, (1.0 - v) * w)):
+        out[row, (corner + i) % 4] = share
     return out

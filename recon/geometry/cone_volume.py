@@ -25,7 +25,7 @@ from scipy import sparse
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.numerics.bspline_basis import basis_matrix
 
-__all__ = ["cone_volume", "patch_moments", "trimmed_cone_volume"]
+__all__ = ["cone_volume", "surface_moments", "trimmed_cone_volume"]
 
 Floats = NDArray[np.float64]
 
@@ -53,25 +53,26 @@ def cone_volume(surface: BSplineSurface, apex: ArrayLike = ORIGIN) -> float:
     return float(weight_u @ f @ weight_v) / 3.0
 
 
-def patch_moments(nets: Floats) -> Floats:
-    """Area and cone of many Bezier patches of one degree, seen from the origin.
+def surface_moments(nets: Floats, degrees: tuple[int, int], knots: tuple[Floats, Floats]) -> Floats:
+    """Areas of many whole polynomial surfaces over the same knots, cones over them from the origin, and their centres.
 
-    nets      (n, p + 1, q + 1, 3) control points
-    Returns   (n, 8) area, area times its centre (3), volume of the cone, volume times its centre (3)
-    Promises  volumes exact to rounding; areas by a rule of 1.5 points a degree and direction.
+    nets      (n, nu, nv, 3) control points
+    Returns   (n, 8) area, area times its centre (3), signed volume of the cone, volume times its centre (3)
+    Promises  volumes exact to rounding; areas and volumes' centres by a rule of 1.5 points a degree and span.
     """
-    rules = [_rule(k - 1, np.repeat([0.0, 1.0], k).tobytes(), 0) for k in nets.shape[1:3]]
-    (u, slope_u, weight_u), (v, slope_v, weight_v) = rules
+    (u, slope_u, weight_u), (v, slope_v, weight_v) = (_rule(p, t.tobytes(), 0) for p, t in zip(degrees, knots))
     s, s_u, s_v = (
-        np.einsum("iu,nuvd,jv->nijd", a, nets, b, optimize=True) for a, b in ((u, v), (slope_u, v), (u, slope_v))
+        np.einsum("iu,nuvd,jv->dnij", a, nets, b, optimize=True) for a, b in ((u, v), (slope_u, v), (u, slope_v))
     )
-    normal = np.cross(s_u, s_v)
+    normal = [s_u[i - 2] * s_v[i - 1] - s_u[i - 1] * s_v[i - 2] for i in range(3)]
     weight = weight_u[:, None] * weight_v
-    area = np.linalg.norm(normal, axis=3) * weight
-    cone = np.einsum("nijd,nijd->nij", s, normal) * weight / 3.0
-    first = np.concatenate([area.sum(axis=(1, 2))[:, None], np.einsum("nij,nijd->nd", area, s)], axis=1)
-    second = np.concatenate([cone.sum(axis=(1, 2))[:, None], 0.75 * np.einsum("nij,nijd->nd", cone, s)], axis=1)
-    return np.concatenate([first, second], axis=1)
+    area = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) * weight
+    cone = (s[0] * normal[0] + s[1] * normal[1] + s[2] * normal[2]) * weight / 3.0
+    found = np.empty((len(nets), 8))
+    for columns, share, reach in ((np.s_[:4], area, 1.0), (np.s_[4:], cone, 0.75)):
+        # the middle of a thin cone lies three quarters of the way from its apex
+        found[:, columns] = np.stack([share.sum(axis=(1, 2)), *reach * np.einsum("nij,dnij->dn", share, s)], axis=1)
+    return found
 
 
 def trimmed_cone_volume(surface: BSplineSurface, pcurves: Iterable[BSplineCurve], apex: ArrayLike = ORIGIN) -> float:

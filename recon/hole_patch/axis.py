@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from recon.hole_patch.surroundings import Axis
 
-__all__ = ["coverage", "departure", "wheel_axis"]
+__all__ = ["KEPT_TO", "coverage", "departure", "wheel_axis"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,6 +35,8 @@ ROUNDS = 30
 TALL = 0.1  # of the greatest radius, height of a ring: relief of a few millimetres cancels, slopes hardly bend
 ACROSS = 0.55  # greatest |n_θ| of a wall; fractures and the sides of handles have more
 FEW_SECTORS = 8  # of 24; a ring of fewer is an arc, about which a wrong axis says as much as the right one
+LEVEL = 0.7  # cosine between the axis and the normals of a base
+LEAST_BASE = 0.1  # of the disc around the axis, that tells where the base is
 KEPT_TO = 0.02  # of the radius: what a hand that lifts the wet pot leaves; a squashed one is off by more
 
 
@@ -42,7 +44,7 @@ def wheel_axis(points: Floats, normals: Floats, weights: Floats) -> Axis | None:
     """The line that most normals meet, or None when the surface is not round about it.
 
     points, normals  (F, 3) of wall and perhaps other faces; weights (F,) areas
-    Promises  direction from base to mouth: the parts nearest to the axis, the base, lie below the middle.
+    Promises  direction from base to mouth: the level wall near the axis, the base, lies below the middle.
               Round means: at least 0.6 of the area recurs, at its radius, height and slope, in at least half of the
               sectors in which there is any surface (`coverage`). Broken cups reach 0.77 to 1, a bunny 0.25. How
               well the wall keeps to the wheel is said by quality and support of the axis (`departure`).
@@ -51,11 +53,11 @@ def wheel_axis(points: Floats, normals: Floats, weights: Floats) -> Axis | None:
     if len(points) < ENOUGH_FACES or not weights.sum() > 0.0:
         return None
     kept = _thinned(weights, 20_000)
-    p, n, w = points[kept], normals[kept], weights[kept]
+    p, n, w = points[kept], normals[kept], weights[kept] * (weights.sum() / weights[kept].sum())
     found = _best_line(p, n, w)
     if found is None:
         return None
-    axis = _base_down(*found, p, w)
+    axis = _base_down(*found, p, n, w)
     axis = replace(axis, **departure(axis, p, n, w)._asdict())
     grain = float(np.sqrt(weights.sum() / len(weights)))
     return axis if _is_round(axis, p, n, w, grain) else None
@@ -104,12 +106,13 @@ def _least_complex(rows: Floats, w: Floats, which: int, near: Floats | None = No
     return np.concatenate([a, b - a * (a @ b)])
 
 
-def _base_down(point: Floats, direction: Floats, p: Floats, w: Floats) -> Axis:
-    """Turn the axis so that what lies nearest to it, the base, is below the middle of the vessel."""
+def _base_down(point: Floats, direction: Floats, p: Floats, n: Floats, w: Floats) -> Axis:
+    """Turn the axis so that the base, level wall near it, is below the middle of the vessel."""
     axis = Axis(point, direction, 0.0)
     _, radius, height = axis.cylindrical(p).T
-    inner = radius < 0.25 * np.quantile(radius, 0.98)
-    if w[inner].sum() < 0.005 * w.sum():  # no base among the sherds: the narrow end stands for it
+    near = 0.25 * float(np.quantile(radius, 0.98))
+    inner = (radius < near) & (np.abs(n @ axis.direction) > LEVEL)  # not the neck of a bottle
+    if w[inner].sum() < LEAST_BASE * np.pi * near**2:  # no base among the sherds: the narrow end stands for it
         inner = radius < np.quantile(radius, 0.1)
     middle = 0.5 * (np.quantile(height, 0.01) + np.quantile(height, 0.99))
     base_below = np.average(height[inner], weights=w[inner]) < middle

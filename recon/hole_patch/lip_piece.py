@@ -47,7 +47,7 @@ EVEN = 0.1  # share of an even pace in the pairs: no station stands still while 
 ON_SHEET = 1e-3  # mm by which the fracture may leave the face between stations
 HALVINGS = 4  # of the steps between stations where it does
 LEVELLED = 0.7  # mm along the edge over which its directions are averaged
-FARTHEST = 0.3  # of a rung's length, or the wall's thickness: more relief than that would not fit beside the lip
+FARTHEST = 0.5  # of the length of a rung: more relief than that would not fit beside the lip
 SAMPLES = 8  # points of the loop in a span of its curves, to measure lengths on
 
 

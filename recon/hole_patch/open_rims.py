@@ -18,10 +18,11 @@ from recon.hole_patch.hole_edges import Cycle
 from recon.hole_patch.section_samples import wrapped
 from recon.hole_patch.surroundings import BRIDGE, Axis
 
-__all__ = ["excursions", "sweep", "winding"]
+__all__ = ["comes_near", "excursions", "sweep", "winding"]
 
 RIM_SHARE, SHORTEST_RIM = 0.5, 6.0  # of the gap's width, and in edge lengths: rim that the virtual curve is fitted to
 WORN = 4.0  # edge lengths of rim beside the gap that are not believed: the fracture begins before the level is left
+NEAR = 0.5  # of a line's largest radius: the foot of a vessel whose base was not scanned is evener than that
 ROUNDS = 4  # of fitting and weighting by nearness
 
 Floats = NDArray[np.float64]
@@ -42,6 +43,12 @@ def winding(cycle: Cycle, axis: Axis) -> int:
 def sweep(cycle: Cycle, axis: Axis) -> float:
     """Angle about the axis that a closed line covers, in radians."""
     return float(np.ptp(np.cumsum(_turns(cycle, axis))))
+
+
+def comes_near(cycle: Cycle, axis: Axis) -> bool:
+    """Whether a line round the axis comes so near to it that it must run over the base: it bounds a hole there."""
+    radius = axis.cylindrical(cycle.points)[:, 1]
+    return bool(radius.min() < NEAR * radius.max())
 
 
 def excursions(cycle: Cycle, axis: Axis, spacing: float) -> list[Cycle]:

@@ -21,18 +21,21 @@ from threadpoolctl import threadpool_limits
 from recon.errors import BadOption, NoHole, NoSurface, NoWall
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
+from recon.hole_patch.axis import KEPT_TO
 from recon.hole_patch.box_route import box_sheet
 from recon.hole_patch.fitting import distances_from, edge_samples
+from recon.hole_patch.hole import Hole
 from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.relief import ReliefSheet, continue_relief
+from recon.hole_patch.rim_check import check_rim_piece
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
-from recon.hole_patch.sherds import Hole, Reading, read_sherds, separate, surroundings_in, what_was_found
-from recon.hole_patch.surroundings import Surroundings, Wall
+from recon.hole_patch.sherds import Reading, read_sherds, separate, surroundings_in, what_was_found
+from recon.hole_patch.surroundings import Axis, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
-from recon.hole_patch.trim_loop import withdrawn
-from recon.hole_patch.wheel_sheet import wheel_sheet
+from recon.hole_patch.trim_loop import smoothed, withdrawn
+from recon.hole_patch.wheel_sheet import fit_wall, wheel_sheet
 
 __all__ = [
     "Attempt",
@@ -45,11 +48,14 @@ __all__ = [
     "list_holes",
     "patch_hole",
     "patch_holes",
+    "with_smoother_edge",
 ]
 
 Floats = NDArray[np.float64]
 
-LEAST_SUPPORT = 0.75  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, round ones 0.9 to 1
+LEAST_SUPPORT = 0.75  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, round ones 0.9 to 1; below it
+# the wall around the hole must bear the wheel out
+FARTHER = 3.0  # times as far off is the middle of a hole, on vessels bent in the tests, as left-out wall beside it
 WORTH_A_WORD = 0.25  # mm, more than a thrown wall is out of round by itself
 
 
@@ -83,7 +89,7 @@ class PatchOptions:
     picks       (3, 3) points on the wall around the hole, for BOX; None lets the program find them
     pass_band   k_PB of the filter that removes the relief
     hole        number of the hole among `find_holes`, 0 the longest; None takes the longest that can be patched
-    relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL; not over a lip
+    relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL
     clearance   in millimetres, that the piece keeps from its neighbours: room for glue
     settle      whether the sherds are settled against each other first; the piece then fits them as settled
     Raises  BadOption.
@@ -259,9 +265,7 @@ def _piece(found: HolesFound, options: PatchOptions, doing: Callable[[str], None
     inner, told = _inner_sheet(around, outer, method, options)
     notes += told
     relief = None
-    if options.relief is Relief.CONTINUE and around.outer.over_lip:
-        notes += ("No relief was continued: the hole runs over the lip, and the face is made smooth there.",)
-    elif options.relief is Relief.CONTINUE and around.axis is not None:
+    if options.relief is Relief.CONTINUE and around.axis is not None:
         doing("continuing the relief")
         relief = continue_relief(outer, around.outer, around.axis)
         outer, notes = relief.sheet, (*notes, *relief.sheet.notes)
@@ -283,15 +287,32 @@ def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tup
         reason = "the vessel is not round, so no wheel tells what the hole held: the box is used."
         return PatchMethod.BOX, () if options.method is PatchMethod.BOX else (reason,)
     if axis.support < LEAST_SUPPORT:
-        raise NoSurface(
-            f"The wall keeps to the wheel over {axis.support:.0%} of the turn only ({LEAST_SUPPORT:.0%} needed), and"
-            f" stands off by {axis.quality:.2f} mm (root mean square): the vessel is not round, or too much of it is"
-            " missing. The box method needs no wheel (--method box, with --hole or --picks), but knows less."
-        )
+        return options.method, (_bent_but_foretold(around.outer, axis),)
     if axis.quality > WORTH_A_WORD:
         note = f"the wall stands off from the wheel by {axis.quality:.2f} mm (root mean square); so may the piece."
         return options.method, (note,)
     return options.method, ()
+
+
+def _bent_but_foretold(wall: Wall, axis: Axis) -> str:
+    """What to say of a vessel that is not round, where left-out wall around the hole is still foretold from the rest.
+
+    Raises  NoSurface where it is not, by the measure that decides whether a wall keeps to the wheel.
+    """
+    foretold = fit_wall(wall, axis).residual.foretold
+    allowed = KEPT_TO * float(axis.cylindrical(wall.edge.points)[:, 1].mean())
+    keeps = f"the wall keeps to the wheel over {axis.support:.0%} of the turn only"
+    if foretold > allowed:
+        raise NoSurface(
+            f"The vessel is not round, or too much of it is missing: {keeps} ({LEAST_SUPPORT:.0%} needed), it stands"
+            f" off by {axis.quality:.2f} mm (root mean square), and left-out wall around the hole was missed by"
+            f" {foretold:.2f} mm on average (allowed {allowed:.2f}). The box method needs no wheel (--method box, with"
+            " --hole or --picks), but knows less."
+        )
+    return (
+        f"the vessel is not round: {keeps}. Left-out wall around the hole was foretold to {foretold:.2f} mm on average;"
+        f" expect the piece to be off by up to {FARTHER * foretold:.2f} mm on average."
+    )
 
 
 def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floats | None = None) -> Sheet:
@@ -306,10 +327,26 @@ def _shape(
     outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions
 ) -> ThickPiece | LipPiece | TrimmedSurface:
     if outer.lip is not None:
-        return lip_piece(outer, around.fracture, clearance=options.clearance)
+        piece = lip_piece(outer, around.fracture, clearance=options.clearance)
+        check_rim_piece(piece, around)
+        return piece
     if inner is not None:
         return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
+
+
+def with_smoother_edge(piece: MissingPiece, radius: float, *, clearance: float = 0.0) -> MissingPiece:
+    """A piece of the wall again, spikes and notches of its edges narrower than twice a radius in mm cut off and filled.
+
+    A sharp step in one edge alone can lead the fracture through the wall beside it.
+    Raises  BadOption for a piece without two walls; NoWall, NoSurface.
+    """
+    if piece.inner is None:
+        raise BadOption("piece", "has one wall only, so no fracture can cut it")
+    outer, inner = (replace(s, trimmed=smoothed(s.trimmed, radius)) for s in (piece.outer, piece.inner))
+    shape = thick_piece(outer, inner, piece.around.fracture, clearance=clearance)
+    note = f"spikes and notches of the edge narrower than {2 * radius:.1f} mm were smoothed: the fracture cut the wall."
+    return replace(piece, shape=shape, outer=outer, inner=inner, notes=(*piece.notes, note))
 
 
 def _inner_sheet(

@@ -42,14 +42,17 @@ from recon.hole_patch.section_samples import (
     wrapped,
 )
 from recon.hole_patch.surroundings import Axis, Wall
+from recon.hole_patch.unit_length import axis_in, unit_length, wall_in
 from recon.numerics.ribbons import fold_point
 
 __all__ = ["Profile", "wall_profile"]
 
 Floats = NDArray[np.float64]
 
+REACH = 30.0  # units
 NEARNESS = np.radians(60.0)  # ovality has period π: a wall a quarter turn away may be out of round the other way
-TIP_STEP = 0.1  # mm
+TIPS = 2000  # places among which the tip of a lip is sought
+SEEDS = 8  # between two knots, from which the nearest point of the curve is sought
 MOST_RIM = 200  # degrees: beyond, what is left of the rim does not tell whether the vessel is round
 NEAR_AXIS = (
     0.25  # least over greatest radius of an edge that is rolled out; below, the chart would be stretched fourfold
@@ -106,7 +109,7 @@ class Profile:
 
     def tip(self) -> float:
         """s where the profile of a wall turns back over the lip: where the ribbon between both walls is folded."""
-        s = np.arange(*self.curve.domain, TIP_STEP)
+        s = np.linspace(*self.curve.domain, TIPS)
         return float(s[fold_point(self.curve.point(s))])
 
     def foot(self, section: Floats, facing: Floats | None = None) -> Floats:
@@ -115,7 +118,7 @@ class Profile:
         facing  (m, 2) the wall's normal there, so that a point's foot is not found on the other side of a thin wall
         """
         low, high = self.curve.domain
-        seeds = np.linspace(low, high, max(16, int(4 * (high - low))))
+        seeds = np.linspace(low, high, SEEDS * len(self.curve.knots))
         s = seeds[nearest_facing(self.curve.point(seeds), self.normal(seeds), section, facing)]
         step = seeds[1] - seeds[0]
         for _ in range(4):
@@ -128,19 +131,31 @@ class Profile:
         return s
 
 
-def wall_profile(wall: Wall, axis: Axis, *, reach: float = 30.0, nearness: float = NEARNESS) -> Profile:
+def wall_profile(wall: Wall, axis: Axis, *, reach: float = REACH, nearness: float = NEARNESS) -> Profile:
     """The profile of a wall near its hole, read off the wall as scanned.
 
     As scanned, not as smoothed: the turn averages noise and relief away just as well, and a low-pass filter that is
     strong enough for relief cuts across the bend between base and wall by up to a millimetre.
-    reach     millimetres by which the profile goes on beyond the hole where the wall does
+    reach     units by which the profile goes on beyond the hole where the wall does
     nearness  radians; walls count by exp(-θ²/2 nearness²) of their angle from the hole
     Promises  runs from base to mouth, and on down the inner wall where the wall runs over the lip; its normal on the
-              side of the wall's normals; straight on by `EXTENDED` mm beyond the wall, but not over the axis; parts off
-              the wheel's surface (a handle, a spout) do not bend it. Where the hole lies over the axis, the profile
+              side of the wall's normals; straight on by `EXTENDED` units beyond the wall, but not over the axis; parts
+              off the wheel's surface (a handle, a spout) do not bend it. Where the hole lies over the axis, the profile
               bridges it with the least bending.
     Raises    NoSurface when the wall near the hole gives no single profile, or the hole leaves too little of it.
     """
+    unit = unit_length(wall, axis)
+    profile = _profile_in_units(wall_in(wall, unit), axis_in(axis, unit), reach, nearness)
+    curve, crossing = profile.curve, profile.crossing
+    return Profile(
+        axis,
+        BSplineCurve(curve.degree, curve.knots * unit, curve.control_points * unit),
+        profile.middle,
+        None if crossing is None else crossing * unit,
+    )
+
+
+def _profile_in_units(wall: Wall, axis: Axis, reach: float, nearness: float) -> Profile:
     edge = axis.cylindrical(wall.edge.points)
     over = _lies_over_axis(edge)
     middle, nearness = (0.0, np.inf) if over else (_middle_angle(edge), nearness)

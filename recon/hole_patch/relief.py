@@ -31,6 +31,7 @@ from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, Wall
 from recon.hole_patch.trim_loop import even_points, parameter_loop
 from recon.hole_patch.wheel_chart import RolledChart, wheel_chart
+from recon.hole_patch.wheel_sheet import with_clean_edge
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
@@ -101,7 +102,9 @@ def continue_relief(outer: Sheet, wall: Wall, axis: Axis | None) -> ReliefSheet:
     if not isinstance(chart, RolledChart):
         reason = "the vessel is not round" if chart is None else "the hole lies over the axis, where nothing repeats"
         return ReliefSheet(_noted(outer, f"No relief was continued: {reason}."), ReliefSource.NONE)
-    edge = chart.flat(wall.edge.points)[:, :2]
+    if wall.over_lip:
+        wall = with_clean_edge(wall, chart)
+    edge = chart.flat(wall.edge.points, wall.edge.normals)[:, :2]
     around = relief_map(wall, chart, edge)
     ring = _Ring.around(around, edge)
     if ring.depth < LEAST_DEPTH:
@@ -119,9 +122,10 @@ def continue_relief(outer: Sheet, wall: Wall, axis: Axis | None) -> ReliefSheet:
     filled = ring.distance < BEYOND
     height = np.zeros(filled.shape)
     height[filled] = predicted(search, [found.recipe], taught, np.argwhere(filled))[0]
+    height *= found.trust
     wavelength = _wavelength(height, ring.hole, around.cell)
     return ReliefSheet(
-        _with_relief(outer, wall, chart, replace(around, height=height, known=filled), wavelength),
+        _with_relief(outer, wall, (chart, edge), replace(around, height=height, known=filled), wavelength),
         ReliefSource.REGULAR if found.recipe.regular else ReliefSource.EXEMPLAR,
         float(search.candidates(taught, count=1, apart=0).score[0]),
         found.explained,
@@ -170,33 +174,42 @@ def _wavelength(height: Floats, hole: Bools, cell: Floats) -> float:
     return float(2 * np.pi * np.sqrt((level**2).mean() / max(float((slope**2).sum(axis=1).mean()), 1e-12)))
 
 
-def _with_relief(sheet: Sheet, wall: Wall, chart: RolledChart, relief: ReliefMap, wavelength: float) -> Sheet:
-    """The sheet raised by the relief and drawn to the edge."""
+def _with_relief(
+    sheet: Sheet, wall: Wall, flat: tuple[RolledChart, Floats], relief: ReliefMap, wavelength: float
+) -> Sheet:
+    """The sheet raised by the relief and drawn to the edge; `flat` is the chart and the edge (n, 2) in it."""
+    chart, edge = flat
     smooth = sheet.base if sheet.base is not None and sheet.box_angle_deg is None else sheet.trimmed.surface
-    face = _Face.over(smooth, span=float(np.clip(wavelength / SPANS_A_WAVE, *SPANS)))
-    at = relief.index(chart.flat(face.points)[:, :2])
-    raised = ndimage.map_coordinates(relief.height, at.T, order=3, mode="constant")
+    span = float(np.clip(wavelength / SPANS_A_WAVE, *SPANS))
+    face = _Face.over(smooth, span=span, turns_back=wall.over_lip)
+    place = chart.flat(face.points, face.normals if wall.over_lip else None)[:, :2]
+    raised = ndimage.map_coordinates(relief.height, relief.index(place).T, order=3, mode="constant")
     sound = wall.edge.sherds >= 0 if sheet.sound is None else sheet.sound
-    surface, uv, sound = _drawn_to_edge(face, raised, wall, foot_points(smooth, wall.edge.points), sound)
+    start = foot_points(smooth, wall.edge.points, edge if wall.over_lip else None)
+    # over a lip the edge on one wall is nearer to that on the other in space than along the face
+    unfolded = chart.unfolded(place), chart.unfolded(edge)
+    surface, uv, sound = _drawn_to_edge(face, raised, wall.edge.points, (start, sound), unfolded)
     off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
     loop = parameter_loop(surface, uv, n_curves=len(sheet.trimmed.loops[0].pcurves))
     return replace(sheet, trimmed=TrimmedSurface(surface, (loop,)), edge_distance=off[sound])
 
 
 def _drawn_to_edge(
-    face: "_Face", height: Floats, wall: Wall, uv: Floats, sound: Bools
+    face: "_Face", height: Floats, points: Floats, start: tuple[Floats, Bools], unfolded: tuple[Floats, Floats]
 ) -> tuple[BSplineSurface, Floats, Bools]:
     """The face at heights (n,) when it has given way to the edge, (m, 2) the edge on it, (m,) where it is no chip.
 
-    uv, sound  (m, 2) foot points to start from, (m,) where the smooth face found no chip
+    points    (m, 3) of the edge
+    start     (m, 2) foot points to start from, (m,) where the smooth face found no chip
+    unfolded  places of the face's nodes (n, 3) and of the edge (m, 3) between which distances are those along the wall
 
     A spline cannot follow every turn of the edge at once: what it missed is added again, a few times over.
     """
-    points, surface = wall.edge.points, face.surface(height)
-    uv, left = _missed(surface, points, uv)
-    sound = sound & (np.abs(left - _running_median(left)) <= max(CHIPPED, 6.0 * _spread(left[sound])))
+    surface = face.surface(height)
+    uv, left = _missed(surface, points, start[0])
+    sound = start[1] & (np.abs(left - _running_median(left)) <= max(CHIPPED, 6.0 * _spread(left[start[1]])))
     for _ in range(MEETINGS):
-        height = height + _kriged(points[sound], left[sound], face.points)
+        height = height + _kriged(unfolded[1][sound], left[sound], unfolded[0])
         surface = face.surface(height)
         uv, left = _missed(surface, points, uv)
     return surface, uv, sound
@@ -218,14 +231,18 @@ class _Face:
     normals: Floats
 
     @classmethod
-    def over(cls, smooth: BSplineSurface, *, span: float) -> "_Face":
-        """Knots of about the given distance in millimetres over the domain of a surface."""
+    def over(cls, smooth: BSplineSurface, *, span: float, turns_back: bool) -> "_Face":
+        """Knots of about the given distance in millimetres over the domain of a surface; where it turns back over a
+        lip, its own knots along the profile, and more between them.
+        """
         domain = np.array(smooth.domain)
         probe = np.stack(np.meshgrid(*np.linspace(domain[:, 0], domain[:, 1], 9).T, indexing="ij"), -1).reshape(-1, 2)
         speed = [np.linalg.norm(smooth.derivative(probe, 1 - k, k), axis=1).mean() for k in (0, 1)]
         length = speed * np.ptp(domain, 1)
         counts = np.clip(np.ceil(length / span), 4, MOST_SPANS).astype(int)
-        knots = tuple(uniform_knots(n + 3, 3, *side) for n, side in zip(counts, domain))
+        knots = [uniform_knots(n + 3, 3, *side) for n, side in zip(counts, domain)]
+        if turns_back:
+            knots[1] = _refined(smooth.knots_v, span / speed[1])
         # the mean of equal knots may round to a value beyond them, which the interpolation refuses
         u, v = (np.clip(greville(k, 3), k[0], k[-1]) for k in knots)
         uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -238,6 +255,14 @@ class _Face:
         rows = make_interp_spline(u, moved, k=3, t=self.knots[0]).c
         net = make_interp_spline(v, rows.transpose(1, 0, 2), k=3, t=self.knots[1]).c.transpose(1, 0, 2)
         return BSplineSurface(3, 3, *self.knots, net)
+
+
+def _refined(knots: Floats, span: float) -> Floats:
+    """Clamped knots with as many more between them, evenly, as it takes that none are farther apart than the span."""
+    breaks = np.unique(knots)
+    many = np.maximum(np.ceil(np.diff(breaks) / span - 0.25), 1).astype(int)
+    inner = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks, breaks[1:], many)]
+    return np.concatenate([breaks[[0] * 3], *inner, breaks[[-1] * 4]])
 
 
 def _running_median(values: Floats, reach: int = 6) -> Floats:

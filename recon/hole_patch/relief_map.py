@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import fft, ndimage
 
 from recon.geometry.mesh import TriangleMesh
+from recon.hole_patch.section_samples import vertex_areas_and_normals
 from recon.hole_patch.surroundings import Wall
 from recon.hole_patch.wheel_chart import RolledChart
 
@@ -63,7 +64,8 @@ def relief_map(wall: Wall, chart: RolledChart, edge: Floats) -> ReliefMap:
     edge      (n, 2) u and s of the hole's edge
     Promises  what is wider than some millimetres, the vessel's shape and the sherds' misplacement, is taken off.
     """
-    flat = chart.flat(wall.measured.vertices)
+    normals = vertex_areas_and_normals(wall.measured)[1] if wall.over_lip else None
+    flat = chart.flat(wall.measured.vertices, normals)
     turn = 2 * np.pi * chart.mean_radius
     low, high = chart.profile.curve.domain
     low, high = max(low, edge[:, 1].min() - REACH), min(high, edge[:, 1].max() + REACH)

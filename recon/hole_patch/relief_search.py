@@ -42,6 +42,7 @@ MIRRORS = tuple(product((1, -1), repeat=2))
 RING_KNOWN, HOLE_KNOWN = 0.6, 0.7  # least share of ring and hole that a candidate must know
 LESSONS = 1500  # cells of the ring that weights are learned from
 EXAMINED = 800  # cells of a sector that was left out
+BORNE = 1.5  # mm along the profile, standard deviation: narrower than cords are wide, wider than single cells
 ALOOF = 1e-3  # what a far cell counts beside a near one: it steadies patches that see little of the ring
 
 
@@ -176,10 +177,16 @@ def predicted(search: ReliefSearch, recipes: Sequence[Recipe], taught: Sequence[
 
 
 class Foretelling(NamedTuple):
-    """How well a recipe foretells sectors of the ring that were left out: share of their variance explained."""
+    """How well a recipe foretells sectors of the ring that were left out.
+
+    explained  share of their variance
+    trust      (ns,) share of the foretold height, for every row along the profile, that left-out wall bears out: where
+               the relief ends, towards a lip, what is foretold fades out with it
+    """
 
     recipe: Recipe
     explained: float
+    trust: Floats
 
 
 def foretell(search: ReliefSearch) -> Foretelling:
@@ -188,14 +195,34 @@ def foretell(search: ReliefSearch) -> Foretelling:
     Paper   [wahba1990], cross-validation.
     """
     missed, power = np.zeros(len(RECIPES)), 0.0
+    rows, guesses, truths = [], [], []
     for k in range(search.n_sectors):
         taught = [j for j in range(search.n_sectors) if j != k]
         cells = _thinned(search.ring([k]), EXAMINED)
-        true = search.at(cells)
+        true, guess = search.at(cells), predicted(search, RECIPES, taught, cells)
         power += float((true**2).sum())
-        missed += ((predicted(search, RECIPES, taught, cells) - true) ** 2).sum(axis=1)
+        missed += ((guess - true) ** 2).sum(axis=1)
+        rows.append(cells[:, 1])
+        guesses.append(guess)
+        truths.append(true)
     best = int(np.argmin(missed))
-    return Foretelling(RECIPES[best], 1.0 - float(missed[best]) / max(power, 1e-12))
+    guess = np.concatenate(guesses, axis=1)[best]
+    trust = _borne_out(np.concatenate(rows), guess, np.concatenate(truths), search)
+    explained = 1.0 - float(missed[best]) / max(power, 1e-12)
+    return Foretelling(RECIPES[best], explained, trust)
+
+
+def _borne_out(rows: Ints, guess: Floats, true: Floats, search: ReliefSearch) -> Floats:
+    """(ns,) slope of true over guessed heights, 0 to 1, over cells within `BORNE` of every row."""
+    n = search.hole.shape[1]
+    width = BORNE / float(search.cell[1])
+    both, power = (
+        ndimage.gaussian_filter1d(np.bincount(rows, x, n), width, mode="constant") for x in (guess * true, guess**2)
+    )
+    whole = float((guess * true).sum()) / max(float((guess**2).sum()), 1e-12)
+    # rows that no cell of the ring lies in are trusted as the whole is
+    little = 1e-3 * power.max()
+    return np.asarray(np.clip((both + little * whole) / (power + little + 1e-15), 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ best those sectors of the ring that were left out.
      : :     : : :
        ' : : : '
 
-    u        r̄ θ, angle times the mean radius of the hole's edge, so that both coordinates are millimetres
+    u        r̄ θ, angle times the mean radius of the hole's edge, so that both coordinates are lengths on the wall
     s        length along the profile
     d        distance from the turned profile
     B_i B_j  products of cubic B-splines in u and s
@@ -34,7 +34,8 @@ __all__ = ["Residual", "Ring", "fit_residual", "tensor_rows"]
 Floats = NDArray[np.float64]
 Matrix = NDArray[np.float64] | sparse.csr_array
 
-# lengths ℓ in millimetres below which the plate smooths waves away: from a few mesh edges to stiffer than any vessel
+# lengths ℓ in units of the vessel (`recon.hole_patch.unit_length`) below which the plate smooths waves away: from a few
+# knots to stiffer than any vessel
 STIFFNESS_LENGTHS = np.geomspace(4.0, 64.0, 9)
 SECTORS = 8  # an eighth of the turn around a hole leaves a gap about as wide as the ring
 MOST_SPANS = 14
@@ -49,7 +50,7 @@ class Ring:
     distance  (m,) d
     weight    (m,) not negative
     middle    (2,) middle of the hole in u and s
-    width     of the ring, in millimetres
+    width     of the ring
     """
 
     chart: Floats
@@ -65,8 +66,8 @@ class Residual:
 
     knots_u, knots_s  of the cubic splines
     coefficients      (nu, ns)
-    stiffness         ℓ in millimetres that was chosen
-    foretold          mean distance in millimetres by which sectors left out of the ring were missed
+    stiffness         ℓ that was chosen
+    foretold          mean distance by which sectors left out of the ring were missed
     """
 
     knots_u: Floats
@@ -80,12 +81,13 @@ class Residual:
         return np.asarray(tensor_rows(self.knots_u, self.knots_s, chart) @ self.coefficients.ravel())
 
 
-def fit_residual(ring: Ring, radius: Callable[[Floats], Floats]) -> Residual:
+def fit_residual(ring: Ring, radius: Callable[[Floats], Floats], *, stiffness: float | None = None) -> Residual:
     """Fit a plate to the ring and choose its stiffness by leaving out sectors.
 
-    radius    of the turned profile at (k,) values of s, in units of the mean radius that u was made with
-    Promises  of all stiffnesses that foretell the ring equally well, but for the scatter between sectors, the greatest;
-              a handle or a chip in the ring does not bend the plate.
+    radius     of the turned profile at (k,) values of s, in units of the mean radius that u was made with
+    stiffness  ℓ where it was chosen before: nothing is left out then, and `foretold` is 0
+    Promises   of all stiffnesses that foretell the ring equally well, but for the scatter between sectors, the
+               greatest; a handle or a chip in the ring does not bend the plate.
     """
     knots_u, knots_s = (_knots(column, ring.width) for column in ring.chart.T)
     rows = tensor_rows(knots_u, knots_s, ring.chart)
@@ -93,15 +95,16 @@ def fit_residual(ring: Ring, radius: Callable[[Floats], Floats]) -> Residual:
     area = np.prod(np.ptp(ring.chart, axis=0))
     lam = STIFFNESS_LENGTHS**4 / area
     weight = _robust_weights(rows, ring, lam[len(lam) // 2] * energy)
-    missed, scatter = _foretold(rows, ring, weight, [x * energy for x in lam])
-    best = int(np.argmin(missed))
-    # the one-standard-error rule: what the sectors cannot tell apart is decided for the smoother plate
-    chosen = int(np.flatnonzero(missed <= missed[best] + scatter[best])[-1])
-    coefficients = _solve(*_normal_equations(rows, ring.distance, weight), lam[chosen] * energy)
+    foretold = 0.0
+    if stiffness is None:
+        missed, scatter = _foretold(rows, ring, weight, [x * energy for x in lam])
+        best = int(np.argmin(missed))
+        # the one-standard-error rule: what the sectors cannot tell apart is decided for the smoother plate
+        chosen = int(np.flatnonzero(missed <= missed[best] + scatter[best])[-1])
+        stiffness, foretold = float(STIFFNESS_LENGTHS[chosen]), float(missed[chosen])
+    coefficients = _solve(*_normal_equations(rows, ring.distance, weight), stiffness**4 / area * energy)
     shape = (len(knots_u) - 4, len(knots_s) - 4)
-    return Residual(
-        knots_u, knots_s, coefficients.reshape(shape), float(STIFFNESS_LENGTHS[chosen]), float(missed[chosen])
-    )
+    return Residual(knots_u, knots_s, coefficients.reshape(shape), stiffness, foretold)
 
 
 def _knots(column: Floats, width: float) -> Floats:

@@ -21,12 +21,22 @@ from recon.hole_patch.assembly import Assembly, assemble, label_groups, steady_n
 from recon.hole_patch.axis import wheel_axis
 from recon.hole_patch.edge_cleaning import chart_points, clean_rows, crossings, signed_area
 from recon.hole_patch.fracture import looks_into_hole, mated_faces, wall_thickness
+from recon.hole_patch.hole import Hole
 from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_edges
-from recon.hole_patch.open_rims import excursions, sweep, winding
+from recon.hole_patch.open_rims import comes_near, excursions, sweep, winding
 from recon.hole_patch.shown_thickness import shown_thickness
 from recon.hole_patch.smoothing import taubin_smooth
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind, ShownThickness, Surroundings, Wall
-from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, wall_mesh, wall_trust
+from recon.hole_patch.walls import (
+    FRACTURE,
+    INNER,
+    OUTER,
+    fracture_faces,
+    label_walls,
+    lip_height,
+    wall_mesh,
+    wall_trust,
+)
 
 __all__ = [
     "Hole",
@@ -45,48 +55,13 @@ Flags = NDArray[np.bool_]
 
 RELIEF_REACH = 2.5  # millimetres: how far from a border smoothing is held back by the vertices that do not move
 LEAST_LENGTH, LEAST_AREA = 8.0, 4.0  # of a hole, in thicknesses and their square; smaller ones are chips
+LEAST_DEPTH = 2.0  # thicknesses that a hole reaches down from the lip; less is the lip's own unevenness, or a chip
 LEAST_KNOWN = 30.0  # thicknesses: of a line that is mostly unknown, to be worth a word
 SIZEABLE = 0.002  # of all area, to be a sherd of its own
 THICKEST = 0.4  # of a wall, in radii of the vessel
+NOT_ROUND = 0.1  # thicknesses off the wheel, from which on walls recur badly round it
 NEARLY_ROUND = 1.75 * np.pi
 OPEN_THICKNESS = 2.0  # edge lengths that stand for the thickness where only one wall was scanned
-
-
-@dataclass(frozen=True, eq=False)
-class Hole:
-    """A hole between the sherds.
-
-    outer     its edge on the outer wall; where it runs over the lip, on both walls
-    inner     its edge on the inner wall, or None
-    problem   why it cannot be patched, or an empty text
-    kind      what surrounds it
-    over_lip  whether its edge runs over the lip
-    """
-
-    outer: HoleEdge
-    inner: HoleEdge | None
-    problem: str = ""
-    kind: HoleKind = HoleKind.WALL
-    over_lip: bool = False
-
-    @property
-    def n_walls(self) -> int:
-        return 1 if self.inner is None and not self.over_lip else 2
-
-    @property
-    def length(self) -> float:
-        p = self.outer.points
-        return float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())
-
-    @property
-    def place(self) -> Floats:
-        return np.asarray(self.outer.points.mean(axis=0))
-
-    @property
-    def size(self) -> Floats:
-        """(2,) extent of the edge along its longest direction, and across it within the wall."""
-        p = self.outer.points - self.place
-        return np.asarray(np.ptp(p @ np.linalg.svd(p, full_matrices=False)[2][:2].T, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +87,7 @@ class Reading:
     cycles: list[Cycle]
 
     @cached_property
-    def holes(self) -> tuple["Hole", ...]:
+    def holes(self) -> tuple[Hole, ...]:
         """All holes, the longest edge first; mouth and base are none."""
         return tuple(_holes(self))
 
@@ -171,7 +146,13 @@ def what_was_found(reading: Reading) -> str:
     else:
         longest, count = reading.cycles[0].length, len(reading.cycles)
         found = f"of {count} open lines, the longest {longest:.3g} long, none runs round a hole in the wall"
-    return f"the sherds surround no hole: {found}."
+    doubt = ""
+    if reading.closed.any() and reading.axis is not None and reading.axis.quality > NOT_ROUND * reading.thickness:
+        doubt = (
+            f" The walls stand off from the wheel by {reading.axis.quality:.2f} mm, so that fracture may pass for wall:"
+            " give the outer walls alone, as open meshes."
+        )
+    return f"the sherds surround no hole: {found}.{doubt}"
 
 
 def separate(sherds: Sequence[TriangleMesh]) -> list[TriangleMesh]:
@@ -266,15 +247,10 @@ def _cycles(
     lip = np.ones(table.n_faces, dtype=bool)
     if axis is not None:
         height = axis.cylindrical(table.centres)[:, 2]
-        lip = height > _lip_height(height)
+        lip = height > lip_height(height)
     free = free_border(table, closed)
     void = void_edges(table, labels, hole=hole, free=free, lip=lip, thickness=thickness)
     return [c for c in hole_cycles(table, normals, labels, void=void) if c.length > LEAST_LENGTH * thickness]
-
-
-def _lip_height(height: Floats) -> float:
-    low, high = np.quantile(height, [0.001, 0.999])
-    return float(high - 0.1 * (high - low))
 
 
 def _holes(reading: Reading) -> list[Hole]:
@@ -308,9 +284,9 @@ def _fracture(reading: Reading, hole: Hole) -> TriangleMesh | None:
     """The fracture faces that look into a hole, within a few thicknesses of its edge."""
     table = reading.table
     faces = np.flatnonzero(reading.fracture)
-    if hole.inner is None or not len(faces):
+    if (hole.inner is None and not hole.over_lip) or not len(faces):
         return None
-    edge = cKDTree(np.concatenate([hole.outer.points, hole.inner.points]))
+    edge = cKDTree(np.concatenate([wall.points for wall in (hole.outer, hole.inner) if wall is not None]))
     near = edge.query(table.centres[faces], distance_upper_bound=2.0 * reading.thickness)[0]
     faces = faces[np.isfinite(near)]
     return TriangleMesh(table.vertices, table.faces, "fracture").part(faces) if len(faces) else None
@@ -328,7 +304,8 @@ def _over_the_lip(cycle: Cycle, reading: Reading) -> list[Hole]:
     """A line that runs over the lip bounds a hole at the rim; elsewhere such a line is a lump."""
     assert reading.axis is not None  # without it every wall is an outer one
     height = reading.axis.cylindrical(reading.table.centres)[:, 2]
-    if reading.axis.cylindrical(cycle.points)[:, 2].max() < _lip_height(height):
+    line = reading.axis.cylindrical(cycle.points)[:, 2]
+    if line.max() < lip_height(height) or np.ptp(line) < LEAST_DEPTH * reading.thickness:
         return []
     edge = HoleEdge(cycle.points[::-1], cycle.sherds[::-1], cycle.normals[::-1])
     return [Hole(edge, None, kind=HoleKind.RIM, over_lip=True)]
@@ -341,12 +318,19 @@ def _parts(cycle: Cycle, reading: Reading) -> list[tuple[Cycle, HoleKind, str]]:
         if cycle.length < LEAST_KNOWN * reading.thickness:
             return []
         return [(cycle, HoleKind.WALL, f"{cycle.gap:.3g} of its edge are missing in one stretch")]
-    if axis is None or reading.closed.any():
+    if axis is None:
         return [(cycle, HoleKind.WALL, "")]
     turns = winding(cycle, axis)
+    if turns == 0 and reading.closed.any():
+        return [(cycle, HoleKind.WALL, "")]
     if turns == 0:
         problem = "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else ""
         return [(cycle, HoleKind.WALL, problem)]
+    if turns > 0 and comes_near(cycle, axis):
+        return [(cycle, HoleKind.WALL, "")]
+    if reading.closed.any():
+        missing = "above" if turns < 0 else "below"
+        return [(cycle, HoleKind.WALL, f"it runs round the whole vessel: all that was {missing} it is missing")]
     kind = HoleKind.RIM if turns < 0 else HoleKind.FOOT
     return [(part, kind, "") for part in excursions(cycle, axis, reading.table.spacing)]
 

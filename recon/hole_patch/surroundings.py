@@ -61,6 +61,13 @@ class Axis:
         x, y = p @ across, p @ along
         return np.stack([np.arctan2(y, x), np.hypot(x, y), p @ self.direction], axis=1)
 
+    def slopes(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(m, 2) parts of the normals (m, 3) at the points away from the axis and along it."""
+        p = points - self.point
+        out = p - (p @ self.direction)[:, None] * self.direction
+        away = (normals * out).sum(axis=1) / np.maximum(np.linalg.norm(out, axis=1), 1e-12)
+        return np.stack([away, normals @ self.direction], axis=1)
+
     def cartesian(self, angle_radius_height: NDArray[np.float64]) -> NDArray[np.float64]:
         """(m, 3) points of the given angles, radii and heights: the inverse of `cylindrical`."""
         across, along = self.frame()

@@ -27,7 +27,7 @@ from recon.geometry.trimmed import TrimLoop, TrimmedSurface
 from recon.numerics.foot_points import foot_points
 from recon.numerics.spline_parts import spline_part
 
-__all__ = ["trim_loop", "parameter_loop", "withdrawn", "clean_polygon", "even_points", "crossings"]
+__all__ = ["trim_loop", "parameter_loop", "smoothed", "withdrawn", "clean_polygon", "even_points", "crossings"]
 
 Floats = NDArray[np.float64]
 SPACING = 0.4
@@ -101,9 +101,35 @@ def withdrawn(trimmed: TrimmedSurface, clearance: float) -> TrimmedSurface:
     if not left:
         raise NoSurface(f"with a clearance of {clearance:g} mm nothing is left of the piece; give a smaller one.")
     outline = np.asarray(max(left, key=_area), dtype=np.float64)
-    return TrimmedSurface(
-        trimmed.surface, (parameter_loop(trimmed.surface, outline / scale, n_curves=len(loop.pcurves)),)
+    spacing = _step(loop, scale)
+    drawn = parameter_loop(
+        trimmed.surface,
+        outline / scale,
+        n_curves=len(loop.pcurves),
+        spacing=spacing,
+        cleaning=CLEANING_RADIUS / SPACING * spacing,
     )
+    return TrimmedSurface(trimmed.surface, (drawn,))
+
+
+def smoothed(trimmed: TrimmedSurface, radius: float) -> TrimmedSurface:
+    """The same surface, spikes and notches of its outer loop narrower than twice a radius in millimetres cut off and
+    filled.
+
+    Raises    NoSurface when nothing is left.
+    """
+    loop = trimmed.loops[0]
+    uv = loop.polygon(SAMPLES_PER_SPAN * max(len(c.knots) for c in loop.pcurves))
+    spacing = _step(loop, _lengths(trimmed.surface, uv))
+    drawn = parameter_loop(trimmed.surface, uv, n_curves=len(loop.pcurves), spacing=spacing, cleaning=radius)
+    return TrimmedSurface(trimmed.surface, (drawn,))
+
+
+def _step(loop: TrimLoop, scale: Floats) -> float:
+    """Millimetres between the points that a loop was drawn through, in the mean."""
+    polygon = loop.polygon() * scale
+    length = float(np.linalg.norm(np.diff(polygon, axis=0, append=polygon[:1]), axis=1).sum())
+    return length / sum(len(np.unique(curve.knots)) - 1 for curve in loop.pcurves)
 
 
 def clean_polygon(polygon: Floats, *, radius: float) -> Floats:

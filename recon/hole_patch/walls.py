@@ -23,7 +23,17 @@ from recon.hole_patch.axis import SECTORS, coverage
 from recon.hole_patch.fracture import has_far_side
 from recon.hole_patch.surroundings import Axis
 
-__all__ = ["FRACTURE", "INNER", "OUTER", "fracture_faces", "label_walls", "spread", "wall_mesh", "wall_trust"]
+__all__ = [
+    "FRACTURE",
+    "INNER",
+    "OUTER",
+    "fracture_faces",
+    "label_walls",
+    "lip_height",
+    "spread",
+    "wall_mesh",
+    "wall_trust",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,6 +42,9 @@ Flags = NDArray[np.bool_]
 FRACTURE, OUTER, INNER = 0, 1, 2
 CREASE = np.radians(15.0)
 MAX_STEPS = 200
+RECURRING = 0.6  # of the turn that is there; no crack comes back so often at one depth, one slope
+ASKED, MOST_ASKED = 15, 20_000  # wall faces that say how deep another lies, and of how many they are taken
+DEEP, DEEPEST = 0.15, 0.3  # of the thickness: neither relief nor a lump lies so far below the surface of an even wall
 
 
 def spread(table: Assembly, normals: Floats, *, guess: Floats, belief: Floats) -> Floats:
@@ -77,32 +90,65 @@ def fracture_faces(table: Assembly, normals: Floats, axis: Axis, *, mated: Flags
     thickness  of the wall; parts smaller than its square go to what surrounds them
     """
     around = coverage(axis, table.centres, normals, step=0.15 * thickness, among=~mated)
-    occupied = min(SECTORS, int(around.max()))
-    wall = np.clip((around / occupied - 1 / 6) / (1 / 3 - 1 / 6), 0.0, 1.0)
-    guess = np.where(mated, 0.0, wall)
+    recurs = around / min(SECTORS, int(around.max()))
+    wall = np.clip((recurs - 1 / 6) / (1 / 3 - 1 / 6), 0.0, 1.0)
+    far = has_far_side(table, normals, thickness)
+    sheet = (recurs > RECURRING) & ~mated
+    allowed = min(max(DEEP * thickness, 2.0 * axis.quality), DEEPEST * thickness)
+    deep = _depths(table, normals, axis, sheet) > allowed
+    height = axis.cylindrical(table.centres)[:, 2]
+    deep &= height < lip_height(height)  # an uneven lip lies below its own higher parts
+    mated = mated & ~((recurs > RECURRING) & far & ~deep)  # wall beside a crack, that the neighbour's slope faces
     belief = 0.07 * np.abs(2.0 * wall - 1.0)
-    belief[_contradicted(table, normals, wall, mated, thickness)] *= 0.03
+    lump, level = _contradicted(table, normals, wall, far=far, mated=mated)
+    belief[(lump & ~deep) | level] *= 0.03
+    wall[deep & ~mated & ~far] = 0.0
+    guess = np.where(mated, 0.0, wall)
     share = spread(table, normals, guess=guess, belief=np.where(mated, 0.2, belief))
     return _without_specks(table, (share < 0.5).astype(np.int64), thickness**2) == 1
 
 
-def _contradicted(table: Assembly, normals: Floats, wall: Floats, mated: Flags, thickness: float) -> Flags:
-    """(F,) faces whose guess does not go with how they lie to the certain wall faces nearest to them.
+def lip_height(height: Floats) -> float:
+    """Above which the lip is, given the heights of all faces."""
+    low, high = np.quantile(height, [0.001, 0.999])
+    return float(high - 0.1 * (high - low))
 
-    A lump on a wall recurs nowhere, yet has the wall's far side behind it or lies within 55° of the wall. A crack that
-    runs level round the vessel recurs everywhere, yet has no far side and lies steeper than 66°.
+
+def _depths(table: Assembly, normals: Floats, axis: Axis, sheet: Flags) -> Floats:
+    """(F,) how deep in the wall a face lies: below the surface that wall faces of like radius and height make.
+
+    sheet   (F,) faces that are wall for certain; the nearest of all round the turn are asked, their median counts
     """
-    far = has_far_side(table, normals, thickness)
+    known = np.flatnonzero(sheet)
+    if not len(known):
+        return np.zeros(table.n_faces)
+    known = known[:: max(1, len(known) // MOST_ASKED)]
+    place = axis.cylindrical(table.centres)[:, 1:]
+    slope = axis.slopes(table.centres, normals)
+    count = min(ASKED, len(known))
+    near = known[cKDTree(place[known]).query(place, k=count)[1].reshape(len(place), count)]
+    below = ((place[near] - place[:, None]) * slope[near]).sum(axis=2)
+    return np.asarray(np.median(below, axis=1))
+
+
+def _contradicted(table: Assembly, normals: Floats, wall: Floats, *, far: Flags, mated: Flags) -> tuple[Flags, Flags]:
+    """(F,) and (F,) faces whose guess does not go with how they lie to the certain wall faces nearest to them.
+
+    A lump on a wall recurs nowhere, yet has the wall's far side behind it or lies within 55° of the wall; so does a
+    crack that runs slantwise through the wall, but that is deep in it. A crack that runs level round the vessel recurs
+    everywhere, yet has no far side and lies steeper than 66°.
+    """
+    none = np.zeros(table.n_faces, dtype=bool)
     sure = np.flatnonzero(far & (wall == 1.0) & ~mated)
     if not len(sure):
-        return np.zeros(table.n_faces, dtype=bool)
+        return none, none
     unsure = np.flatnonzero(~far & ~mated)
     along = np.ones(table.n_faces)
     count = min(6, len(sure))
     _, near = cKDTree(table.centres[sure]).query(table.centres[unsure], k=count)
     cosines = (normals[sure[near.reshape(len(unsure), count)]] * normals[unsure][:, None]).sum(axis=2)
     along[unsure] = np.median(np.abs(cosines), axis=1)
-    return np.where(wall < 0.5, far | (along > 0.57), ~far & (along < 0.4))
+    return (wall < 0.5) & (far | (along > 0.57)), (wall >= 0.5) & ~far & (along < 0.4)
 
 
 def _without_specks(table: Assembly, labels: Ints, area: float) -> Ints:

@@ -10,7 +10,7 @@ millimetres the face gives way to the edge that was measured.
       |           '----. plate  .------'
       +-----------------------------------> along the wall
 
-    u, v     the wall laid flat in millimetres (`recon.hole_patch.wheel_chart`)
+    u, v     the wall laid flat (`recon.hole_patch.wheel_chart`)
     d        distance from the turned profile
     κ        curvature of the profile
     e        what is left at the edge above profile and plate
@@ -32,35 +32,42 @@ from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.edge_cleaning import clean_rows
-from recon.hole_patch.residual import Ring, fit_residual, tensor_rows
+from recon.hole_patch.residual import Residual, Ring, fit_residual, tensor_rows
 from recon.hole_patch.section_samples import vertex_areas_and_normals
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, HoleEdge, Wall
+from recon.hole_patch.trim_loop import SPACING as TRIM_SPACING
 from recon.hole_patch.trim_loop import parameter_loop
+from recon.hole_patch.unit_length import RADIUS, axis_in, scaled_sheet, unit_length, wall_in
 from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
-__all__ = ["wheel_sheet"]
+__all__ = ["WallFit", "fit_wall", "wheel_sheet", "with_clean_edge"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-MARGIN = 5.0  # mm of face beyond the hole, so that no trim curve comes near the border
-SPAN = 1.0  # mm between the face's knots: half of what the edge is smoothed over on either side
+# lengths in units of the vessel (`recon.hole_patch.unit_length`) where nothing else is said
+MARGIN = 5.0  # of face beyond the hole, so that no trim curve comes near the border
+SPAN = 1.0  # between the face's knots: half of what the edge is smoothed over on either side
 MOST_SPANS = 64
-SMOOTHED = 0.8  # mm along the edge: two vertices of a scan, shorter than any relief
-SPACING = 0.2  # mm between points of the edge where e is known
+SMOOTHED = 0.8  # along the edge: shorter than any relief
+SPACING = 0.2  # between points of the edge where e is known
+LOOP_SPACING, CLEANED = 1.2, 1.5  # between points of the trim loop, and what is narrower than twice that many of them
 REJECTED = 0.02  # largest share of edge points that may be taken for chips
 SMALLEST_CHIP = 0.2  # mm; what stands off by less is relief or noise
-ASTRAY = 1.0  # mm; no relief or pose stands so far off where most of the edge does not
+BESIDE, MOST_BESIDE = 2.5, 4.0  # mm of edge to either side that a chip stands off from, and at most so many units
+ASTRAY = 1.25  # no relief or pose stands so far off where most of the edge does not
 MEETINGS = 4  # rounds in which the face is drawn to the edge that it missed
 DOWN = 0.3  # mm, most depth times slope of relief at the edge: cords are deep where they are level
-NEIGHBOURS = 16  # points of the edge that a node averages over: 1.5 mm to either side
-OUT_OF_ROUND = 2.0  # mm; relief is well below, a wrong axis well above
-LIP_SPANS = 0.2, 0.5  # least millimetres between knots over a lip, and their distance there in radii of curvature
+NEIGHBOURS = 16  # points of the edge that a node averages over: 1.5 units to either side
+JUMP = 10.0  # farther along the wall than in space: to the other side of it, and no cut corner
+SHORT = 0.05  # of the edge's points: a stretch between two jumps that is no side of the hole
+OUT_OF_ROUND = 3.0  # relief is well below, a wrong axis well above
+LIP_SPANS = 0.2, 0.5  # least length between knots over a lip, and their distance there in radii of curvature
 MOST_LIP_SPANS = 96
-FADING = (1.5, 6.0)  # mm: what the knots can follow, and a quarter of the widest ring
+FADING = (1.5, 6.0)  # what the knots can follow, and a quarter of the widest ring
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +95,34 @@ class _Face:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class WallFit:
+    """What is known of a wall over its hole before a face is made, all in units.
+
+    unit      in millimetres
+    wall      its edge cleaned, where it runs over a lip
+    edge      (n, 3) u, v, d of the hole's edge
+    residual  d over the chart, fitted to the ring
+    sound     (n,) points of the edge that were measured and are no chips
+    """
+
+    unit: float
+    wall: Wall
+    chart: WheelChart
+    edge: Floats
+    ring: Ring
+    residual: Residual
+    sound: Bools
+
+    def left(self) -> Floats:
+        """(n,) e along the edge."""
+        return np.asarray(self.edge[:, 2] - self.residual.at(self.edge[:, :2]))
+
+    def fading(self) -> float:
+        """ℓ in units."""
+        return _fading_length(_even_edge(self.edge, self.left(), self.sound))
+
+
 def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     """One wall of the missing piece as a trimmed bicubic surface.
 
@@ -99,34 +134,29 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     Raises    NoSurface when the wall around the hole gives no profile or no ring, or is so far from round that the
               ring cannot be foretold from itself.
     """
-    chart = wheel_chart(wall, axis)
-    if wall.over_lip:
-        wall = _with_clean_edge(wall, chart)
-    edge = chart.flat(wall.edge.points, wall.edge.normals)
-    ring = _ring(wall, chart, edge)
-    residual = fit_residual(ring, chart.stretch)
-    if residual.foretold > OUT_OF_ROUND:
-        raise NoSurface(
-            f"The wall around the hole is not round: left-out parts of it were missed by {residual.foretold:.1f} mm on"
-            f" average (allowed {OUT_OF_ROUND:g}); use the box method."
-        )
-    left = edge[:, 2] - residual.at(edge[:, :2])
-    measured = wall.edge.sherds >= 0
-    sound = _sound(left, _loop_length(wall.edge.points), measured)
+    fit = fit_wall(wall, axis)
+    return scaled_sheet(_sheet_in_units(fit, n_curves), fit.unit)
+
+
+def _sheet_in_units(fit: WallFit, n_curves: int) -> Sheet:
+    wall, chart, edge, residual, sound = fit.wall, fit.chart, fit.edge, fit.residual, fit.sound
+    left, measured = fit.left(), wall.edge.sherds >= 0
     face = _lip_face(chart, edge) if wall.over_lip else _face(chart, edge)
     distance = residual.at(face.nodes())
     base = face.surface(distance)
     surface = face.surface(_drawn_to_edge(face, distance, _even_edge(edge, left, sound)))
     uv = foot_points(surface, wall.edge.points, edge[:, :2])
     off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
-    trimmed = TrimmedSurface(surface, (parameter_loop(surface, uv, n_curves=n_curves),))
+    spacing = min(LOOP_SPACING, TRIM_SPACING / fit.unit)
+    loop = parameter_loop(surface, uv, n_curves=n_curves, spacing=spacing, cleaning=CLEANED * spacing)
+    trimmed = TrimmedSurface(surface, (loop,))
     lip = chart.tip() if wall.over_lip else None
     sides = 3 if wall.over_lip else 4
     rejected = float((measured & ~sound).sum() / measured.sum())
     return Sheet(
         trimmed,
         off[sound],
-        len(ring.distance),
+        len(fit.ring.distance),
         sides,
         base=base,
         rejected=rejected,
@@ -136,11 +166,35 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     )
 
 
-def _with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
+def fit_wall(wall: Wall, axis: Axis, *, stiffness: float | None = None) -> WallFit:
+    """The chart of a wall, its residual and the hole's edge in it; raises NoSurface as `wheel_sheet` does.
+
+    stiffness  of the residual, where it was chosen before
+    """
+    unit = unit_length(wall, axis)
+    wall, axis = wall_in(wall, unit), axis_in(axis, unit)
+    chart = wheel_chart(wall, axis)
+    if wall.over_lip:
+        wall = with_clean_edge(wall, chart, DOWN / unit)
+    edge = chart.flat(wall.edge.points, wall.edge.normals)
+    ring = _ring(wall, chart, edge)
+    residual = fit_residual(ring, chart.stretch, stiffness=stiffness)
+    if residual.foretold > OUT_OF_ROUND:
+        raise NoSurface(
+            "The wall around the hole is not round: left-out parts of it were missed by"
+            f" {residual.foretold / RADIUS:.1%} of the vessel's radius on average, allowed {OUT_OF_ROUND / RADIUS:.1%};"
+            " use the box method."
+        )
+    left = edge[:, 2] - residual.at(edge[:, :2])
+    sound = _sound(left, _loop_length(wall.edge.points), wall.edge.sherds >= 0, unit)
+    return WallFit(unit, wall, chart, edge, ring, residual, sound)
+
+
+def with_clean_edge(wall: Wall, chart: WheelChart, down: float = DOWN) -> Wall:
     """The wall with what is no edge of it cut off from the hole's edge: spikes, hairs and crossings in the chart, and
     stretches that run down into the fracture, which is deep and steep at once.
     """
-    edge = wall.edge
+    edge = _without_strays(wall.edge, chart)
     steps = np.linalg.norm(np.diff(edge.points, axis=0, append=edge.points[:1]), axis=1)
     flat = chart.flat(edge.points, edge.normals)
     # in space the edge on one wall may be nearer to that on the other than a hair is wide
@@ -151,17 +205,36 @@ def _with_clean_edge(wall: Wall, chart: WheelChart) -> Wall:
     outward = np.einsum("ij,ij->i", chart.space(flat + np.array([0.0, 0.0, 1.0])) - points, normals)
     steep = np.sqrt(1.0 / np.clip(outward, 1e-3, 1.0) ** 2 - 1.0)
     deep = _running_median(flat[:, 2], _loop_length(points), 4.0 * MARGIN) - flat[:, 2]
-    on_wall = deep * steep < DOWN
+    on_wall = deep * steep < down
     return replace(wall, edge=HoleEdge(points[on_wall], edge.sherds[rows][on_wall], normals[on_wall]))
 
 
+def _without_strays(edge: HoleEdge, chart: WheelChart) -> HoleEdge:
+    """The edge without points laid on the other wall, by their normal or for a short stretch of the line: to the chart
+    it jumps there and back, and what lies between would be cut off as a hair.
+    """
+    if edge.normals is None:
+        return edge
+    off = chart.flat(edge.points, edge.normals)[:, 2]
+    rows = np.flatnonzero(np.abs(off - _running_median(off, _loop_length(edge.points), 4.0 * MARGIN)) < ASTRAY)
+    points = edge.points[rows]
+    place = chart.unfolded(chart.flat(points, edge.normals[rows])[:, :2])
+    along, across = (np.linalg.norm(np.roll(x, -1, axis=0) - x, axis=1) for x in (place, points))
+    # runs between jumps; the first goes on in the last
+    run = np.roll(np.cumsum(along > across + JUMP), 1)
+    run[0] = 0
+    run[run == run.max()] = 0 if along[-1] <= across[-1] + JUMP else run.max()
+    rows = rows[(np.bincount(run) > SHORT * len(rows))[run]]
+    return HoleEdge(edge.points[rows], edge.sherds[rows], edge.normals[rows])
+
+
 def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
-    """The wall as scanned within reach of the hole: half the hole's width, but 12 to 24 mm."""
+    """The wall as scanned within reach of the hole: half the hole's width, but 12 to 24 units."""
     width = float(np.clip(0.5 * np.ptp(edge[:, :2], axis=0).min(), 12.0, 24.0))
     away = cKDTree(wall.edge.points).query(wall.measured.vertices, distance_upper_bound=width)[0]
     near = np.flatnonzero(away < width)
     if len(near) == 0:
-        raise NoSurface(f"No wall was found within {width:.0f} mm of the hole's edge.")
+        raise NoSurface("No wall was found near the hole's edge.")
     areas, normals = vertex_areas_and_normals(wall.measured)
     flat = chart.flat(wall.measured.vertices[near], normals[near])
     outward = chart.space(flat + np.array([0.0, 0.0, 1.0])) - wall.measured.vertices[near]
@@ -181,7 +254,7 @@ def _check_around(away: Floats, width: float) -> None:
     sixteenth = np.unique((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) * 16).astype(np.int64) % 16)
     if len(away) < 100 or len(sixteenth) < 8:
         raise NoSurface(
-            f"Too little of the wall lies within {width:.0f} mm of the hole: {len(away)} vertices, on"
+            f"Too little of the wall lies near the hole: {len(away)} vertices, on"
             f" {len(sixteenth)} of 16 sides of it; give the sherds around it."
         )
 
@@ -223,17 +296,17 @@ def _knots(spans: int, low: float, high: float) -> Floats:
     return uniform_knots(int(spans) + 3, 3, low, high)
 
 
-def _sound(left: Floats, length: Floats, measured: Bools) -> Bools:
+def _sound(left: Floats, length: Floats, measured: Bools, unit: float) -> Bools:
     """(n,) points of the edge that were measured, on the wall, and are no chips.
 
-    A chip stands off from the 5 mm of edge around it; a stretch that strayed into the fracture, from all the rest.
+    A chip stands off from the edge around it; a stretch that strayed into the fracture, from all the rest.
     """
-    off = np.abs(left - _running_median(left, length, 2.5))
+    off = np.abs(left - _running_median(left, length, min(BESIDE / unit, MOST_BESIDE)))
     usual = 1.4826 * float(np.median(off[measured]))
-    allowed = float(np.quantile(off[measured], 1.0 - REJECTED))
+    allowed = float(np.quantile(off[measured], 1.0 - REJECTED, method="higher"))  # never more than the share
     astray = np.abs(left - np.median(left[measured]))
     on_wall = astray <= max(6.0 * 1.4826 * float(np.median(astray[measured])), ASTRAY)
-    return measured & on_wall & (off <= max(6.0 * usual, allowed, SMALLEST_CHIP))
+    return measured & on_wall & (off <= max(6.0 * usual, allowed, SMALLEST_CHIP / unit))
 
 
 def _loop_length(loop: Floats) -> Floats:

@@ -55,8 +55,7 @@ def read_dxf_views(path: str | Path) -> ViewSheet:
     rows = np.array(segments, dtype=np.float64).reshape(-1, 2, 2) * scale
     usable = np.isfinite(rows).all(axis=(1, 2)) & (np.abs(rows) < 1e12).all(axis=(1, 2))
     sheet = separate_views(Strokes(rows[usable], np.array(hidden, dtype=bool)[usable]), name)
-    set_aside = ["set aside: " + ", ".join(f"{n} {kind}" for kind, n in sorted(aside.items()))] if aside else []
-    return ViewSheet(sheet.drawing, sheet.mirrored, (*sheet.notes, *set_aside))
+    return sheet.with_notes(aside)
 
 
 def _document(name: str) -> Any:

@@ -13,8 +13,9 @@ The empty quarter of the sheet tells which of the four it is. Where the side vie
 as that of the part's mirror image, whose side view looks from the right.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -80,6 +81,11 @@ class ViewSheet:
     mirrored: bool = False
     notes: tuple[str, ...] = ()
 
+    def with_notes(self, aside: Counter[str]) -> "ViewSheet":
+        """The same, and a note on what was set aside: how many of what."""
+        told = ["set aside: " + ", ".join(f"{n} {kind}" for kind, n in sorted(aside.items()))] if aside else []
+        return replace(self, notes=(*self.notes, *told))
+
 
 def separate_views(strokes: Strokes, name: str) -> ViewSheet:
     """The three views of a sheet.
@@ -90,7 +96,14 @@ def separate_views(strokes: Strokes, name: str) -> ViewSheet:
     if not len(strokes.segments):
         raise UnreadableFile(name, "holds no lines of a drawing", "Three views in straight lines are needed")
     strokes, notes = _without_frame(strokes)
-    fits = [fit for layout in LAYOUTS for fit in _fits(strokes, layout)]
+    fits = _all_fits(strokes)
+    if not fits or min(fits, key=lambda fit: fit[0])[0] > MISFIT:
+        for rest in _without_margin(strokes):
+            better = [fit for fit in _all_fits(rest) if fit[0] <= MISFIT]
+            if better:
+                notes.append(f"set aside {len(strokes.segments) - len(rest.segments)} lines beside the views")
+                fits = better
+                break
     if not fits:
         raise UnreadableFile(
             name,
@@ -165,6 +178,23 @@ def _gaps(low: Floats, high: Floats) -> list[float]:
 
 
 Fit = tuple[float, Layout, tuple[Strokes, Strokes, Strokes], tuple[float, float]]
+
+
+def _all_fits(strokes: Strokes) -> list[Fit]:
+    return [fit for layout in LAYOUTS for fit in _fits(strokes, layout)]
+
+
+def _without_margin(strokes: Strokes) -> Iterator[Strokes]:
+    """The strokes without one figure, or without all on one side of a gap: there a title block or a table may stand."""
+    box = _boxes(strokes.segments)
+    figure = _figures(strokes.segments)
+    margins = [figure == k for k in range(int(figure.max()) + 1)]
+    for axis in (0, 1):
+        for gap in _gaps(box[:, axis], box[:, axis + 2]):
+            margins += [box[:, axis] > gap, box[:, axis] < gap]
+    for margin in sorted(margins, key=lambda rows: int(rows.sum())):
+        if 0 < margin.sum() < len(box) / 2:
+            yield strokes.chosen(~margin)
 
 
 def _fits(strokes: Strokes, layout: Layout) -> list[Fit]:

@@ -23,7 +23,15 @@ from recon.subdivision.limit_tables import CATMULL_CLARK, LOOP, Rules, corner_ta
 from recon.subdivision.rings import MAX_RING, face_rings, fan_places
 from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 
-__all__ = ["LimitPatches", "Scheme", "limit_patches", "limit_points", "tessellate", "tessellation_places"]
+__all__ = [
+    "LimitPatches",
+    "Scheme",
+    "limit_patches",
+    "limit_points",
+    "patch_arrays",
+    "tessellate",
+    "tessellation_places",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -67,11 +75,11 @@ def limit_patches(mesh: ControlMesh, scheme: Scheme = Scheme.LOOP) -> LimitPatch
     rules = LOOP if scheme == Scheme.LOOP else CATMULL_CLARK
     step = rules.refine(sheets)
     whole = rules.extended(step.sheets)
-    arrays = _patch_arrays(rules, step.sheets, whole.sheets)
+    arrays = patch_arrays(rules, step.sheets, whole.sheets)
     return LimitPatches(arrays, sparse.csr_array(whole.matrix @ (step.matrix @ copies)), step.sheets)
 
 
-def _patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets) -> PatchArrays:
+def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets) -> PatchArrays:
     faces, across, kinds = sheets
     n_faces = np.bincount(faces.ravel(), minlength=len(kinds))
     wanted = np.array(rules.regular_faces)

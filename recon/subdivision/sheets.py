@@ -27,7 +27,7 @@ from recon.errors import NotManifold
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import edge_table, opposite_sides
 
-__all__ = ["Refinement", "Sheets", "VertexKind", "cut_along_creases", "edge_numbers"]
+__all__ = ["Refinement", "Sheets", "VertexKind", "cut_along_creases", "edge_numbers", "fan_corners"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -81,7 +81,7 @@ def cut_along_creases(mesh: ControlMesh, n_corners: int) -> tuple[Sheets, Ints]:
     _refuse_tangles(mesh, faces, across)
     sharp = (across < 0) | _on_creases(mesh, faces)
     across = np.where(sharp, -1, across)
-    corner_copy = _copies(across)
+    corner_copy = fan_corners(across)
     copies, first, cut_faces = np.unique(corner_copy, return_index=True, return_inverse=True)
     behind = faces.ravel()[first]
     cut_faces = cut_faces.reshape(faces.shape).astype(np.int64)
@@ -109,7 +109,7 @@ def _on_creases(mesh: ControlMesh, faces: Ints) -> NDArray[np.bool_]:
     return np.isin(ends[..., 0] * n + ends[..., 1], creases[:, 0] * n + creases[:, 1])
 
 
-def _copies(across: Ints) -> Ints:
+def fan_corners(across: Ints) -> Ints:
     """(F k,) a number for each face corner: corners have the same one when inner edges lead from one to the other."""
     k = across.shape[1]
     side = np.flatnonzero(across.ravel() >= 0)

@@ -22,7 +22,7 @@ variable of a node says that all cells down to it are empty.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,8 @@ class Conditions:
 
     hard       clauses that hold for any drawing
     drawn      for each drawn edge, as (view, edge), the clauses that it adds
-    otherwise  the clauses that it would add in the other line type, where these were asked for
+    otherwise  the clauses that it would add in the other line type, and
+    absent     those that it would add if it were not drawn, where these were asked for
     """
 
     n_cells: int
@@ -54,6 +55,7 @@ class Conditions:
     hard: list[Clause] = field(default_factory=list)
     drawn: dict[tuple[int, int], list[Clause]] = field(default_factory=dict)
     otherwise: dict[tuple[int, int], list[Clause]] = field(default_factory=dict)
+    absent: dict[tuple[int, int], list[Clause]] = field(default_factory=dict)
 
     def clauses(self) -> list[Clause]:
         """All clauses."""
@@ -66,25 +68,28 @@ def conditions(
     sights: Sequence[SightLines],
     hidden: Sequence[Flags | None],
     *,
-    both_types: bool = False,
+    alternatives: bool = False,
 ) -> Conditions:
     """The clauses that a solid obeys exactly when it is drawn as given.
 
-    hidden      for each view, for each drawn edge, whether it is dashed; None when the drawing does not tell
-    both_types  also write what each edge would demand in the other line type
+    hidden        for each view, for each drawn edge, whether it is dashed; None when the drawing does not tell
+    alternatives  also write what each edge would demand in the other line type, and if it were not drawn
     """
     maker = _Maker(made, cells)
     maker.out.hard.append([-1])
     for edge in np.flatnonzero(made.is_cut).tolist():
-        maker.no_corner(edge)
+        maker.out.hard += maker.no_corner(edge)
     for view, (sight, dashed) in enumerate(zip(sights, hidden)):
         rows = maker.rows(sight)
         behind = _grouped(sight.behind)
         for s in range(_count(sight, dashed)):
             seen = rows.get(2 * s, []), rows.get(2 * s + 1, []), behind.get(s, [])
             maker.out.drawn[view, s] = maker.demanded(seen, None if dashed is None else bool(dashed[s]))
-            if both_types and dashed is not None:
-                maker.out.otherwise[view, s] = maker.demanded(seen, not dashed[s])
+            if alternatives:
+                if dashed is not None:
+                    maker.out.otherwise[view, s] = maker.demanded(seen, not dashed[s])
+                flat = [maker.no_corner(edge) for edge in seen[2] if not made.is_cut[edge]]
+                maker.out.absent[view, s] = list(chain.from_iterable(flat))
     return maker.out
 
 
@@ -134,19 +139,21 @@ class _Maker:
         rows = [k for k in range(self._starts[edge], self._starts[edge + 1]) if self._wall[k]]
         return [self._sector[k] + 1 for k in rows], [self._plane[k] for k in rows]
 
-    def no_corner(self, edge: int) -> None:
+    def no_corner(self, edge: int) -> list[Clause]:
         """At most two fragments of one plane are present: the edge lies inside a face, or nowhere."""
         cells, planes = self._around(edge)
+        clauses: list[Clause] = []
         for i, j in combinations(range(len(cells)), 2):
             if planes[i] == planes[j]:
                 continue
             a, b, c, d = cells[i - 1], cells[i], cells[j - 1], cells[j]
             for p in ((a, -b), (-a, b)):
-                self.out.hard += [[*p, c, -d], [*p, -c, d]]
+                clauses += [[*p, c, -d], [*p, -c, d]]
         for i, plane in enumerate(planes):
             if planes.count(plane) == 1:
                 a, b = cells[i - 1], cells[i]
-                self.out.hard += [[a, -b], [-a, b]]
+                clauses += [[a, -b], [-a, b]]
+        return clauses
 
     def corner(self, edge: int) -> int | None:
         """Variable that implies: the solid turns a corner at the edge; None where it never does."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from recon.three_view.vertices import CandidateVertices
 from recon.three_view.view_graph import ViewGraph
 
-__all__ = ["Wireframe", "candidate_edges", "merge_points", "split_edges"]
+__all__ = ["RunTable", "Wireframe", "candidate_edges", "elementary", "merge_points", "split_edges", "split_pairs"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,7 +34,7 @@ class Wireframe:
 
 def candidate_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], snap: float) -> Wireframe:
     """Every elementary edge between candidate vertices that all three views draw."""
-    tables = [_RunTable.of(graph) for graph in graphs]
+    tables = [RunTable.of(graph) for graph in graphs]
     upright = [_axis_edges(found, graphs, tables, axis) for axis in range(3)]
     slanted = _slanted_edges(found, graphs, tables, snap)
     edges = np.concatenate([*upright, slanted])
@@ -42,8 +42,8 @@ def candidate_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], snap:
 
 
 @dataclass(frozen=True, eq=False)
-class _RunTable:
-    """Which runs pass through a point.
+class RunTable:
+    """Which runs of a view pass through a point.
 
     level    (n, 2) run along the view's first and second axis through each point, -1 where there is none
     slanted  sorted keys a * n + b of all pairs of points that one slanted run joins, both ways
@@ -55,26 +55,33 @@ class _RunTable:
     members: list[Ints]
 
     @classmethod
-    def of(cls, graph: ViewGraph) -> "_RunTable":
+    def of(cls, graph: ViewGraph) -> "RunTable":
         n = len(graph.points)
         level = np.full((n, 2), -1, dtype=np.int64)
         same = graph.points[graph.edges[:, 0]] == graph.points[graph.edges[:, 1]]
+        # a run is as slanted as any of its edges: short ones may stand level where coordinates have become one
+        slanted = np.bincount(graph.runs, ~same.any(axis=1))[graph.runs] > 0
         for axis in (0, 1):
-            rows = same[:, 1 - axis]
+            rows = same[:, 1 - axis] & ~slanted
             level[graph.edges[rows].ravel(), axis] = np.repeat(graph.runs[rows], 2)
-        rows = ~same.any(axis=1)
+        rows = slanted
         members = np.unique(np.column_stack([np.repeat(graph.runs[rows], 2), graph.edges[rows].ravel()]), axis=0)
         groups = np.split(members[:, 1], np.flatnonzero(np.diff(members[:, 0])) + 1) if len(members) else []
         keys = [(group[:, None] * n + group).ravel() for group in groups]
-        return cls(level, np.unique(np.concatenate(keys)) if keys else np.empty(0, dtype=np.int64), groups)
+        return cls(level, np.sort(np.concatenate(keys)) if keys else np.empty(0, dtype=np.int64), groups)
 
     def joined(self, a: Ints, b: Ints) -> NDArray[np.bool_]:
         """Whether a run passes through both points, or they are one."""
         level = (self.level[a] == self.level[b]) & (self.level[a] >= 0)
-        return (a == b) | level.any(axis=1) | np.isin(a * len(self.level) + b, self.slanted)
+        found = (a == b) | level.any(axis=1)
+        if len(self.slanted):
+            keys = a * len(self.level) + b
+            slot = np.minimum(np.searchsorted(self.slanted, keys), len(self.slanted) - 1)
+            found |= self.slanted[slot] == keys
+        return np.asarray(found)
 
 
-def _axis_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], tables: list[_RunTable], axis: int) -> Ints:
+def _axis_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], tables: list[RunTable], axis: int) -> Ints:
     """Neighbours along a line parallel to a coordinate axis, where both views that show its length draw it."""
     others = [k for k in range(3) if k != axis]
     c = found.coordinates
@@ -89,7 +96,7 @@ def _axis_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], tables: l
     return np.column_stack([a[keep], b[keep]])
 
 
-def _slanted_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], tables: list[_RunTable], snap: float) -> Ints:
+def _slanted_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], tables: list[RunTable], snap: float) -> Ints:
     """Edges along a slanted run of at least one view; every edge that is not parallel to an axis is one."""
     pairs = [np.empty((0, 2), dtype=np.int64)]
     for k in range(3):
@@ -106,10 +113,10 @@ def _slanted_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], tables
                 keep = tables[other].joined(found.points[a, other], found.points[b, other])
             pairs.append(np.column_stack([a[keep], b[keep]]))
     unique = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
-    return unique[_elementary(found.positions, unique, snap)] if len(unique) else unique
+    return unique[elementary(found.positions, unique, snap)] if len(unique) else unique
 
 
-def _elementary(positions: Floats, pairs: Ints, snap: float) -> NDArray[np.bool_]:
+def elementary(positions: Floats, pairs: Ints, snap: float) -> NDArray[np.bool_]:
     """Pairs with no third vertex between them that a pair joins to the first."""
     both = np.concatenate([pairs, pairs[:, ::-1]])
     way = positions[both[:, 1]] - positions[both[:, 0]]

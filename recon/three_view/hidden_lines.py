@@ -60,10 +60,11 @@ class _Faces:
         return cls(joined, owner, normals, offsets)
 
 
-def draw(solid: Polyhedron, snap: float | None = None) -> ThreeViews:
+def draw(solid: Polyhedron, snap: float | None = None, *, aside: tuple[float, float] = (4.0, 0.02)) -> ThreeViews:
     """The three views of a polyhedron.
 
     snap      length below which points of a view are one; 1e-7 of the solid's size when None
+    aside     how far beside a piece of a line one looks, in snaps, and at most, as a share of the piece's length
     Promises  every edge appears in each view that does not look along it, once; where lines of both types lie over each
               other the one drawn through stays.
     """
@@ -72,7 +73,7 @@ def draw(solid: Polyhedron, snap: float | None = None) -> ThreeViews:
     snap = 1e-7 * reach if snap is None else snap
     views = [_projected(faces, projection, snap) for projection in PROJECTIONS]
     _, graphs = view_graphs(ThreeViews(*views), snap)
-    return ThreeViews(*(_with_line_types(faces, graph, snap) for graph in graphs))
+    return ThreeViews(*(_with_line_types(faces, graph, snap, aside) for graph in graphs))
 
 
 def _projected(faces: _Faces, projection: Projection, snap: float) -> DrawnView:
@@ -82,11 +83,11 @@ def _projected(faces: _Faces, projection: Projection, snap: float) -> DrawnView:
     return DrawnView(flat, np.zeros(len(flat), dtype=bool))
 
 
-def _with_line_types(faces: _Faces, graph: ViewGraph, snap: float) -> DrawnView:
+def _with_line_types(faces: _Faces, graph: ViewGraph, snap: float, beside: tuple[float, float]) -> DrawnView:
     way = graph.directions()
     length = np.linalg.norm(way, axis=1)
     look = graph.positions[graph.edges[:, 0]] + MIDDLE * way
-    aside = np.column_stack([-way[:, 1], way[:, 0]]) / length[:, None] * np.minimum(0.02 * length, 4 * snap)[:, None]
+    aside = np.column_stack([-way[:, 1], way[:, 0]]) * np.minimum(beside[0] * snap / length, beside[1])[:, None]
     left, right = (_nearest(faces, look + offset, graph.projection) for offset in (aside, -aside))
     hidden = _same_plane(faces, left, right, snap)
     return _joined(graph, hidden)

@@ -22,9 +22,12 @@ from recon.three_view.view_graph import linked
 __all__ = ["FreeChoice", "Labelings", "consistent_labelings", "is_consistent"]
 
 Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
 SOLVER = "glucose4"  # the fastest of those whose guesses can be steered
 EFFORT = 200_000  # literals of listed options, beyond which a choice is only counted
 LEAST = 100
+STARTS, STEPS = 4, 200  # where the search for the simplest of very many begins, and how far it goes
 
 
 @dataclass(frozen=True)
@@ -100,9 +103,12 @@ def is_consistent(given: Conditions) -> bool:
         return bool(solver.solve())
 
 
-def consistent_labelings(given: Conditions, *, limit: int = 100_000, seconds: float = 0.0) -> Labelings | None:
+def consistent_labelings(
+    given: Conditions, walls: Ints, *, limit: int = 100_000, seconds: float = 0.0
+) -> Labelings | None:
     """All labelings that keep the conditions; None when there is none.
 
+    walls    (f, 2) cells on the two sides of every fragment
     limit    options listed for one free choice; fewer where a choice has many cells
     seconds  time for counting the options of a choice that has more
     """
@@ -115,7 +121,7 @@ def consistent_labelings(given: Conditions, *, limit: int = 100_000, seconds: fl
         value = _forced(solver, given)
     rest = _open_clauses(clauses, value)
     forced = frozenset(v - 1 for v in range(1, given.n_cells + 1) if value[v] > 0)
-    choices = _free_choices(rest, given, value, (limit, seconds))
+    choices = _free_choices(rest, given, value, (walls, limit, seconds))
     return Labelings(given.n_cells, forced, tuple(choices))
 
 
@@ -149,7 +155,7 @@ def _open_clauses(clauses: Sequence[Clause], value: Sequence[int]) -> list[Claus
 
 
 def _free_choices(
-    clauses: Sequence[Clause], given: Conditions, value: Sequence[int], allowed: tuple[int, float]
+    clauses: Sequence[Clause], given: Conditions, value: Sequence[int], asked: tuple[Ints, int, float]
 ) -> Iterator[FreeChoice]:
     pairs = np.array([(abs(c[0]), abs(x)) for c in clauses for x in c[1:]], dtype=np.int64).reshape(-1, 2)
     group = linked(pairs, given.n_variables + 1)
@@ -160,17 +166,47 @@ def _free_choices(
     own: dict[int, list[Clause]] = {part: [] for part in members}
     for clause in clauses:
         own.get(int(group[abs(clause[0])]), []).append(clause)
+    walls, limit, seconds = asked
     for part, cells in members.items():
-        yield _free_choice(own[part], cells, *allowed)
+        known = np.array(value[1 : given.n_cells + 1])
+        yield _free_choice(own[part], cells, _Walls.of(walls, known, cells), limit, seconds)
 
 
-def _free_choice(clauses: Sequence[Clause], cells: Sequence[int], limit: int, seconds: float) -> FreeChoice:
+@dataclass(frozen=True, eq=False)
+class _Walls:
+    """Fragments that a choice decides on.
+
+    apart   (k, 2) places, in the choice, of the two cells on the sides of a fragment
+    before  signed places from 1: the fragment is present when that cell is solid, or empty where negative
+    """
+
+    apart: Ints
+    before: list[int]
+
+    @classmethod
+    def of(cls, walls: Ints, known: Ints, cells: Sequence[int]) -> "_Walls":
+        place = np.full(len(known), -1, dtype=np.int64)
+        place[np.array(cells) - 1] = np.arange(len(cells))
+        both = np.unique(np.sort(place[walls], axis=1), axis=0)
+        both = both[(both[:, 0] >= 0) & (both[:, 0] != both[:, 1])]
+        before: list[int] = []
+        for one, other in (walls.T, walls.T[::-1]):
+            rows = (place[one] >= 0) & (known[other] != 0)
+            before += ((place[one[rows]] + 1) * -known[other[rows]]).tolist()
+        return cls(both, sorted(set(before)))
+
+
+def _free_choice(
+    clauses: Sequence[Clause], cells: Sequence[int], walls: _Walls, limit: int, seconds: float
+) -> FreeChoice:
     # members first, so that a model begins with them
     names = dict.fromkeys([*cells, *(abs(x) for clause in clauses for x in clause)])
     number = {name: k + 1 for k, name in enumerate(names)}
     renamed = [[number[abs(x)] * (1 if x > 0 else -1) for x in clause] for clause in clauses]
     models, complete = _models(renamed, len(cells), min(limit, max(LEAST, EFFORT // len(cells))))
-    options = tuple(frozenset(cells[x - 1] - 1 for x in model if x > 0) for model in models)
+    if not complete:
+        models = _simplest(renamed, walls, models) + models
+    options = tuple(dict.fromkeys(frozenset(cells[x - 1] - 1 for x in model if x > 0) for model in models))
     count = None if complete or not seconds else exact_count(renamed, len(cells), seconds=seconds)
     return FreeChoice(tuple(v - 1 for v in cells), options, count or len(options), complete or count is not None)
 
@@ -187,3 +223,30 @@ def _models(clauses: Sequence[Clause], n: int, limit: int) -> tuple[list[list[in
             found.append(model)
             solver.add_clause([-x for x in model])
     return found, True
+
+
+def _simplest(clauses: Sequence[Clause], walls: _Walls, models: Sequence[list[int]]) -> list[list[int]]:
+    """From some of many models down to such that no other has the same fragments but for some left out."""
+    n = len(models[0])
+    top = max(n, *(abs(x) for clause in clauses for x in clause))
+    present = list(walls.before)
+    solver = Solver(name=SOLVER, bootstrap_with=clauses)
+    for a, b in (walls.apart + 1).tolist():
+        top += 1
+        for clause in ((-top, a, b), (-top, -a, -b), (top, -a, b), (top, a, -b)):
+            solver.add_clause(clause)
+        present.append(top)
+    found = []
+    with solver:
+        for start in models[:: max(1, len(models) // STARTS)][:STARTS]:
+            solver.solve(assumptions=start)
+            for _ in range(STEPS):
+                true = set(solver.get_model())
+                kept = [x for x in present if x in true]
+                top += 1
+                solver.add_clause([-top, *(-x for x in kept)])
+                solver.set_phases([-x for x in present])
+                if not solver.solve(assumptions=[top, *(-x for x in present if x not in true)]):
+                    break
+            found.append([x for x in sorted(true, key=abs) if abs(x) <= n])
+    return found

@@ -10,7 +10,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,13 @@ from recon.geometry.views import ThreeViews
 from recon.three_view.assembly import assemble
 from recon.three_view.cells import Cells, space_cells
 from recon.three_view.conditions import Conditions, conditions
-from recon.three_view.conflicts import Change, DrawnLine, Repair, minimal_conflict, moved_lines, repaired, retyped_lines
+from recon.three_view.conflicts import DrawnLine, minimal_conflict
 from recon.three_view.edges import candidate_edges
 from recon.three_view.fragments import Fragments, fragments
 from recon.three_view.labeling import Labelings, consistent_labelings, is_consistent
 from recon.three_view.planes import candidate_planes
 from recon.three_view.plausibility import ranked
+from recon.three_view.repairs import Repair, likely_repairs, repaired
 from recon.three_view.sight_lines import sight_lines
 from recon.three_view.snapping import snap_lengths
 from recon.three_view.verification import Difference, differences
@@ -37,7 +38,7 @@ __all__ = ["Diagnosis", "Interpretation", "ViewsOptions", "all_polyhedra", "diag
 
 Flags = NDArray[np.bool_]
 
-MOVES = 40  # shifts of a line that are tried
+TRIED = 12  # repairs that are proved by solving the repaired drawing
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,8 @@ def interpret(
         doing("dividing space")
         arranged = arrange(drawing, snap, line_types=options.line_types)
         doing("choosing solid cells")
-        labelings = consistent_labelings(arranged.conditions, limit=options.limit, seconds=options.seconds)
+        walls = arranged.cells.of_side
+        labelings = consistent_labelings(arranged.conditions, walls, limit=options.limit, seconds=options.seconds)
         if labelings is not None:
             doing("ranking the solids")
             order = ranked(arranged.fragments, arranged.cells, labelings)
@@ -167,12 +169,17 @@ def diagnose(drawing: ThreeViews, options: ViewsOptions | None = None, *, limit:
     """The lines of a drawing without a solid that contradict each other, and at most `limit` repairs of one line."""
     options = options or ViewsOptions()
     snap = snap_lengths(drawing)[0] if options.snap is None else options.snap
-    arranged = arrange(drawing, snap, line_types=options.line_types, both_types=True)
-    conflict = minimal_conflict(arranged.conditions, arranged.graphs)
-    moves = (repair for repair in islice(moved_lines(drawing, snap), MOVES) if _mends(drawing, repair, snap, options))
-    retyped = retyped_lines(arranged.conditions, arranged.graphs, conflict)
-    kinds = sorted(islice(chain(moves, retyped), 2 * limit), key=lambda repair: repair.change is Change.DROPPED)
-    return Diagnosis(tuple(conflict), tuple(kinds[:limit]))
+
+    def ask(given: ThreeViews) -> tuple[Conditions, Sequence[ViewGraph]]:
+        arranged = arrange(given, snap, line_types=options.line_types, alternatives=True)
+        return arranged.conditions, arranged.graphs
+
+    conflict = minimal_conflict(*ask(drawing))
+    if not conflict:
+        return Diagnosis((), ())
+    tried = islice(likely_repairs(drawing, conflict, snap, ask), TRIED)
+    repairs = islice((repair for repair in tried if _mends(drawing, repair, snap, options)), limit)
+    return Diagnosis(tuple(conflict), tuple(repairs))
 
 
 def _mends(drawing: ThreeViews, repair: Repair, snap: float, options: ViewsOptions) -> bool:
@@ -181,12 +188,15 @@ def _mends(drawing: ThreeViews, repair: Repair, snap: float, options: ViewsOptio
     return is_consistent(again.conditions)
 
 
-def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True, both_types: bool = False) -> Arrangement:
-    """Steps 1 to 4, and the clauses of step 5; with `both_types` also those of each line in the other line type."""
+def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True, alternatives: bool = False) -> Arrangement:
+    """Steps 1 to 4, and the clauses of step 5.
+
+    alternatives  also the clauses of each line in the other line type, and of its absence
+    """
     values, graphs = view_graphs(drawing, snap)
     wire = candidate_edges(candidate_vertices(values, graphs), graphs, snap)
     made = fragments(wire, candidate_planes(wire, snap), snap)
     sights = sight_lines(made, graphs, snap)
     cells = space_cells(made, sights)
     hidden = [graph.hidden if line_types else None for graph in graphs]
-    return Arrangement(graphs, made, cells, conditions(made, cells, sights, hidden, both_types=both_types))
+    return Arrangement(graphs, made, cells, conditions(made, cells, sights, hidden, alternatives=alternatives))

@@ -7,6 +7,7 @@ again     ------+-------          nothing, a line drawn through, or a dashed lin
 
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from recon.geometry.polyhedron import Polyhedron
 from recon.geometry.views import ThreeViews
 from recon.three_view.hidden_lines import draw
 from recon.three_view.view_graph import ViewGraph, view_graphs
+
+BESIDE = ((4.0, 0.02), (1.0, 0.02), (1.0, 0.5), (4.0, 0.5))  # how far beside a line one looks what is nearest
+SLACK = 3.0  # snaps that a line may be off: the ends of both have moved
 
 __all__ = ["Difference", "Line", "differences"]
 
@@ -45,6 +49,16 @@ class Difference:
     given: Line
     again: Line
 
+    def overlaps(self, other: "Difference") -> bool:
+        """Whether both tell of the same place: the middle of one lies within the box around the other."""
+        if (self.view, self.given) != (other.view, other.given):
+            return False
+        one, two = np.array(self.ends), np.array(other.ends)
+        return any(
+            bool(((middle >= box.min(axis=0) - 1e-9) & (middle <= box.max(axis=0) + 1e-9)).all())
+            for middle, box in ((one.mean(axis=0), two), (two.mean(axis=0), one))
+        )
+
     def __str__(self) -> str:
         (a, b), (c, d) = self.ends
         return (
@@ -58,18 +72,22 @@ def differences(drawing: ThreeViews, solid: Polyhedron, snap: float, *, line_typ
     snap        length by which lines may be apart
     line_types  whether drawn-through and dashed lines must agree too
     """
-    again = draw(solid, snap)
     _, given = view_graphs(drawing, snap)
-    _, drawn = view_graphs(again, snap)
     found: list[Difference] = []
-    for one, other in zip(given, drawn):
-        found += _compared(one, other, snap, line_types)
-        found += [
-            Difference(d.view, d.ends, d.again, d.given)
-            for d in _compared(other, one, snap, line_types)
-            if d.again is Line.NONE
-        ]
+    for aside in BESIDE:
+        _, again = view_graphs(draw(solid, snap, aside=aside), snap)
+        told = list(chain.from_iterable(_both_ways(one, other, snap, line_types) for one, other in zip(given, again)))
+        # what differs must differ however near one looks: lines closer than that may have changed their order
+        found = told if aside == BESIDE[0] else [d for d in found if any(d.overlaps(t) for t in told)]
+        if not found:
+            break
     return found
+
+
+def _both_ways(one: ViewGraph, other: ViewGraph, snap: float, line_types: bool) -> list[Difference]:
+    missing = (d for d in _compared(other, one, snap, line_types) if d.again is Line.NONE)
+    added = [Difference(d.view, d.ends, d.again, d.given) for d in missing]
+    return _compared(one, other, snap, line_types) + added
 
 
 def _compared(one: ViewGraph, other: ViewGraph, snap: float, line_types: bool) -> list[Difference]:
@@ -77,7 +95,9 @@ def _compared(one: ViewGraph, other: ViewGraph, snap: float, line_types: bool) -
     look = one.positions[one.edges[:, 0]] + 0.4837 * way
     mine = np.where(one.hidden, 2, 1)
     theirs = _shown(other, look, way, snap)
-    wrong = (mine != theirs) if line_types else (theirs == 0)
+    # where a line changes its type is known to a few snaps only
+    long = np.linalg.norm(way, axis=1) > SLACK * snap
+    wrong = (theirs == 0) | ((mine != theirs) & line_types & long)
     kinds = list(Line)
     ends = one.positions[one.edges]
     return [
@@ -102,8 +122,9 @@ def _shown(graph: ViewGraph, look: Floats, way: Floats, snap: float) -> Ints:
         away = np.abs(gap[:, 0] * along[:, 1] - gap[:, 1] * along[:, 0]) / length
         size = np.hypot(*way[k])
         turn = np.abs(along[:, 0] * way[k, 1] - along[:, 1] * way[k, 0])
-        near = (share > 0) & (share < 1) & (away <= 2 * snap)
+        near = (share > 0) & (share < 1) & (away <= SLACK * snap)
         near &= turn <= 0.02 * length * size + 4 * snap * np.maximum(length, size)
         if near.any():
+            near &= away <= away[near].min() + snap
             shown[k] = 2 if graph.hidden[near].all() else 1
     return shown

@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+SLACK = 2.0  # snaps that a point may be off a slanted line: the ends of the line and the point have moved by one
+
 
 @dataclass(frozen=True, eq=False)
 class ViewGraph:
@@ -37,7 +39,7 @@ class ViewGraph:
     edges       (m, 2) points; no two edges join the same points
     hidden      (m,) dashed
     runs        (m,) number of the run that an edge belongs to
-    sources     (m,) a segment of the drawing that the edge is part of
+    sources     (m,) the first segment of the drawing that the edge is part of, of those drawn through if there are any
     """
 
     projection: Projection
@@ -148,7 +150,9 @@ def _crossings(
         others = np.arange(i + 1, len(ends))
         others = others[(low[others] <= high[i]).all(axis=1) & (high[others] >= low[i]).all(axis=1)]
         turn = way[i, 0] * way[others, 1] - way[i, 1] * way[others, 0]
-        others, turn = others[turn != 0], turn[turn != 0]
+        # where two lines stay within snap all along the shorter one, their crossing is anywhere
+        apart = np.abs(turn) > snap * np.maximum(length[i], length[others])
+        others, turn = others[apart], turn[apart]
         gap = start[others] - start[i]
         along = (gap[:, 0] * way[others, 1] - gap[:, 1] * way[others, 0]) / turn
         across = (gap[:, 0] * way[i, 1] - gap[:, 1] * way[i, 0]) / turn
@@ -188,8 +192,9 @@ def _graph(
     # a line drawn through hides a dashed one beneath it
     hidden = np.bincount(slot, ~segments.hidden[owner], minlength=len(edges)) == 0
     source = np.zeros(len(edges), dtype=np.int64)
-    visible_last = np.argsort(~segments.hidden[owner], kind="stable")[::-1]
-    source[slot[visible_last]] = segments.source[owner[visible_last]]
+    # written last, and kept: the first segment that is drawn through, or else the first one
+    ranked = np.lexsort([segments.source[owner], segments.hidden[owner]])[::-1]
+    source[slot[ranked]] = segments.source[owner[ranked]]
     runs = _runs(positions, edges, (slot, owner), snap)
     return ViewGraph(projection, points, positions, edges, hidden, runs, source)
 
@@ -203,7 +208,7 @@ def _points_on(positions: Floats, ends: Ints, snap: float) -> Ints:
         gap = positions - start[s]
         along = gap @ way[s] / length[s]
         away = np.abs(gap[:, 0] * way[s, 1] - gap[:, 1] * way[s, 0]) / length[s]
-        near = (away <= (snap if way[s].all() else 0.0)) & (along > 0) & (along < length[s])
+        near = (away <= (SLACK * snap if way[s].all() else 0.0)) & (along > 0) & (along < length[s])
         near[ends[s]] = False
         rows = np.flatnonzero(near)
         found.append(np.column_stack([np.full(len(rows), s), rows]))
@@ -237,5 +242,7 @@ def _straight_on(positions: Floats, triples: Ints, snap: float) -> Flags:
     a, b, base = one - at, other - at, other - one
     away = np.abs(a[:, 0] * base[:, 1] - a[:, 1] * base[:, 0]) / np.maximum(np.linalg.norm(base, axis=1), 1e-300)
     level = ((a == 0) & (b == 0)).any(axis=1)
-    slanted = (a != 0).all(axis=1) & (b != 0).all(axis=1)
-    return np.asarray(((a * b).sum(axis=1) < 0) & (level | (slanted & (away <= snap))))
+    # of a slanted line a short piece may stand level, its ends' coordinates having become one
+    slanted = ((a != 0) | (b != 0)).all(axis=1)
+    slanted &= np.minimum(np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)) > 2 * SLACK * snap
+    return np.asarray(((a * b).sum(axis=1) < 0) & (level | (slanted & (away <= SLACK * snap))))

@@ -63,3 +63,21 @@ def test_nothing_is_not_written(tmp_path: Path) -> None:
 def test_an_open_mesh_far_from_the_origin_reads_back_the_same(tmp_path, ending):
     far = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [5, 5, 5]]) + 300.0
     assert write_mesh(TriangleMesh(far, [[0, 1, 2], [0, 3, 1], [1, 4, 2]]), tmp_path / f"open{ending}").same
+
+
+def test_glb_holds_the_colours_of_its_vertices(tmp_path: Path) -> None:
+    mesh, path = MESHES["box"], tmp_path / "part.glb"
+    colours = np.column_stack([np.arange(3 * mesh.n_vertices).reshape(-1, 3), np.full(mesh.n_vertices, 255)])
+    assert write_mesh(mesh, path, colours=colours.astype(np.uint8)).same
+    back = trimesh.load(path, force="mesh", process=False)
+    np.testing.assert_array_equal(back.visual.vertex_colors, colours)
+
+
+def test_formats_for_printing_leave_colours_away(tmp_path: Path) -> None:
+    mesh = MESHES["box"]
+    colours = np.zeros((mesh.n_vertices, 4), dtype=np.uint8)
+    for ending in (".stl", ".3mf"):
+        plain, coloured = tmp_path / f"plain{ending}", tmp_path / f"coloured{ending}"
+        write_mesh(mesh, plain)
+        assert write_mesh(mesh, coloured, colours=colours).same
+        assert len(coloured.read_bytes()) == len(plain.read_bytes())

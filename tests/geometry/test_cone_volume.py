@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
-from recon.geometry.cone_volume import cone_volume, trimmed_cone_volume
+from recon.geometry.cone_volume import cone_volume, surface_moments, trimmed_cone_volume
 from recon.numerics.bspline_basis import uniform_knots
 
 APEX = (0.3, -2.0, 0.7)
@@ -62,3 +62,15 @@ def test_a_disc_and_the_square_without_it_make_the_square(centre):
     assert_allclose(hole, -disc, rtol=1e-9)
     flat = graph(lambda x, y: 1.0 + 0 * x)
     assert_allclose(trimmed_cone_volume(flat, circle(np.array(centre), 0.27)), np.pi * 0.27**2 / 3, atol=1e-8 / 3)
+
+
+def test_moments_of_many_surfaces_are_those_of_each():
+    surfaces = [graph(lambda x, y, k=k: 1.0 + np.sin((3 + k) * x) * y) for k in range(4)]
+    knots = (surfaces[0].knots_u, surfaces[0].knots_v)
+    found = surface_moments(np.array([s.control_net for s in surfaces]) - APEX, (3, 3), knots)
+    assert_allclose(found[:, 4], [cone_volume(s, APEX) for s in surfaces], rtol=1e-13)
+    flat = surface_moments(graph(lambda x, y: 1.0 + 0 * x).control_net[None], (3, 3), knots)[0]
+    assert_allclose(flat[:4], [1.0, 0.5, 0.5, 1.0], rtol=1e-13)  # unit square at height 1
+    assert_allclose(
+        flat[4:], [1 / 3, 1 / 8, 1 / 8, 1 / 4], rtol=1e-13
+    )  # pyramid: 3/4 of the way to the square's middle

@@ -36,6 +36,17 @@ def rolled_lip(thickness: float = 2.5, height: float = 40.0, radius: float = 30.
     return np.concatenate([up, under[1:], tip[1:-1], over[::-1], down[1:]])
 
 
+def beaded_lip(thickness: float = 3.0, height: float = 40.0, radius: float = 30.0, bead: float = 1.2) -> Floats:
+    """(n, 2) the same with a round bead on the lip, its radius `bead` thicknesses."""
+    half, round_ = 0.5 * thickness, bead * thickness
+    opening = np.arcsin(half / round_)  # half the angle that the wall takes of the bead
+    turn = np.linspace(opening - 0.5 * np.pi, 1.5 * np.pi - opening, 900)
+    centre = np.array([radius - half, round_ * np.cos(opening)])
+    around = centre + round_ * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    up = np.stack([np.full(900, radius), np.linspace(-height, 0, 900)], axis=1)
+    return np.concatenate([up, around[1:-1], up[::-1] - [thickness, 0.0]])
+
+
 def rim_wall(
     profile: Floats,
     *,

@@ -4,16 +4,18 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from rim_vessels import AXIS, plain_lip, rim_wall, rolled_lip
+from rim_vessels import AXIS, beaded_lip, plain_lip, rim_wall, rolled_lip
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from recon.errors import NoSurface, NoWall
+from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece
 from recon.hole_patch.lip_piece import lip_piece, lip_thickness
 from recon.hole_patch.profile import wall_profile
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.wheel_sheet import wheel_sheet
+from recon.numerics.distance import TriangleTree
 from recon.numerics.polygons import within
 
 
@@ -110,6 +112,55 @@ def test_the_outer_part_of_the_loop_lies_on_the_outer_wall(sheet: Sheet, piece: 
 def test_thickness_is_that_of_the_wall(lip: str, sheet: Sheet) -> None:
     found = lip_thickness(sheet)
     assert abs(found.mean - {"plain": 3.0, "rolled": 2.5}[lip]) < 0.15
+
+
+@pytest.fixture(scope="module")
+def beaded() -> LipPiece:
+    return lip_piece(wheel_sheet(rim_wall(beaded_lip()), AXIS))
+
+
+def test_rungs_leave_a_fat_bead_square_to_its_face(beaded: LipPiece) -> None:
+    """Straight ones would run along the face at the lip, and cut it wherever it is rough."""
+    wall, pcurve = beaded.wall[0], beaded.face.loops[0].pcurves[0]
+    t = wall.domain[0][0] + np.linspace(0.02, 0.15, 20) * np.ptp(wall.domain[0])
+    down = wall.derivative(np.stack([t, np.zeros(20)], axis=1), 0, 1)
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    assert (np.einsum("ij,ij->i", down, beaded.face.surface.normal(pcurve.point(t))) < -0.8).all()
+
+
+def test_the_fracture_stays_under_the_bead(beaded: LipPiece) -> None:
+    truth = beaded_lip()
+    inside = [w.grid(np.linspace(*w.domain[0], 200), np.linspace(0.1, 0.9, 7)).reshape(-1, 3) for w in beaded.wall]
+    rows = section(np.concatenate(inside))
+    assert within(truth, rows[rows[:, 1] > -30.0]).mean() > 0.99
+
+
+def shifted_fracture(piece: LipPiece, move: np.ndarray) -> TriangleMesh:
+    """The fracture of a piece as triangles, its middle moved: what a neighbour's fracture may look like."""
+    grids = []
+    for wall in piece.wall:
+        height = np.linspace(0.0, 1.0, 21)
+        points = wall.grid(np.linspace(*wall.domain[0], 120), height)
+        grids.append(points + (4 * height * (1 - height))[None, :, None] * move)
+    at = np.arange(120 * 21).reshape(120, 21)
+    a, b, c, d = at[:-1, :-1].ravel(), at[1:, :-1].ravel(), at[1:, 1:].ravel(), at[:-1, 1:].ravel()
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return TriangleMesh(
+        np.concatenate([grid.reshape(-1, 3) for grid in grids]),
+        np.concatenate([faces + k * at.size for k in range(len(grids))]),
+    )
+
+
+def test_the_fracture_follows_that_of_the_neighbours(sheet: Sheet, piece: LipPiece) -> None:
+    """Below the hole the neighbours' fracture bulges by a third of a millimetre: away from the lip it is met."""
+    around = shifted_fracture(piece, 0.35 * AXIS.direction)
+    tree = TriangleTree(around.vertices, around.face_vertices)
+
+    def missed(one: LipPiece) -> float:
+        middle = [wall.grid(np.linspace(*wall.domain[0], 80), np.array([0.5]))[:, 0] for wall in one.wall[1:3]]
+        return float(np.median(tree.closest(np.concatenate(middle)).distances))
+
+    assert missed(lip_piece(sheet, around)) < 0.3 * missed(piece)
 
 
 def test_a_sheet_that_does_not_run_over_the_lip_is_refused(sheet: Sheet) -> None:

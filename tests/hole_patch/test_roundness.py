@@ -9,6 +9,8 @@ from recon.hole_patch.axis import departure, wheel_axis
 from recon.hole_patch.pipeline import PatchOptions, patch_hole
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
 from recon.hole_patch.surroundings import Axis
+from recon.numerics.distance import closest_points
+from recon.numerics.polygons import within
 
 RADIUS = 30.0
 
@@ -71,19 +73,37 @@ def test_a_spout_lessens_the_support_but_not_the_quality(vessel: BrokenVessel) -
     assert axis.quality < 0.2 and 0.7 < axis.support < 0.95
 
 
-BENT = {
-    "squashed by a tenth": squashed(0.1),
-    "squashed by a quarter": squashed(0.25),
-    "three-sided": three_sided(0.03),
-    "square": squared(8.0),
-}
+OVAL = {"squashed by a tenth": squashed(0.1), "three-sided": three_sided(0.03)}
+BENT = {"squashed by a quarter": squashed(0.25), "square": squared(8.0)}
 
 
 @pytest.mark.parametrize("kind", ["sherds", "outer_walls"])
 @pytest.mark.parametrize("bend", BENT.values(), ids=BENT.keys())
-def test_what_is_not_round_is_refused_with_a_reason(vessel: BrokenVessel, bend: Map, kind: str) -> None:
+def test_what_is_far_from_round_is_refused_with_a_reason(vessel: BrokenVessel, bend: Map, kind: str) -> None:
     with pytest.raises((NoHole, NoSurface), match="wheel"):
         patch_hole(warped(getattr(vessel, kind), bend), PatchOptions(settle=False))
+
+
+@pytest.mark.parametrize("bend", OVAL.values(), ids=OVAL.keys())
+def test_closed_sherds_of_an_oval_vessel_are_refused_with_advice(vessel: BrokenVessel, bend: Map) -> None:
+    with pytest.raises(NoHole, match=r"wheel.*give the outer walls alone"):
+        patch_hole(warped(vessel.sherds, bend), PatchOptions(settle=False))
+
+
+@pytest.mark.parametrize("bend", OVAL.values(), ids=OVAL.keys())
+def test_an_oval_vessel_whose_wall_foretells_itself_is_patched_within_what_is_said(
+    vessel: BrokenVessel, bend: Map
+) -> None:
+    piece = patch_hole(warped(vessel.outer_walls, bend), PatchOptions(settle=False))
+    (note,) = [note for note in piece.notes if "not round" in note]
+    said = float(note.split("off by up to ")[1].split()[0])
+    surface, loop = piece.outer.trimmed.surface, piece.outer.trimmed.loops[0].polygon()
+    u, v = (np.linspace(*ends, 40) for ends in surface.domain)
+    grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    (plain,) = warped([vessel.plain], bend)
+    inside = surface.point(grid[within(loop, grid)])
+    away = closest_points(inside, plain.vertices, plain.face_vertices).distances
+    assert 0.1 < away.mean() < said < 1.5
 
 
 def test_half_a_vessel_is_refused_with_a_reason(vessel: BrokenVessel) -> None:

@@ -19,6 +19,7 @@ from recon.errors import NoSurface
 from recon.geometry.mesh import TriangleMesh
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, HoleEdge, Wall
+from recon.hole_patch.unit_length import axis_in, wall_in
 from recon.hole_patch.wheel_sheet import wheel_sheet
 from recon.numerics.foot_points import foot_points
 
@@ -148,3 +149,14 @@ def test_a_wall_that_was_not_thrown_on_this_axis_is_refused() -> None:
     folds = lambda angle, z: 6.0 * np.sin(7 * angle + z / 5)  # noqa: E731
     with pytest.raises(NoSurface, match="not round"):
         wheel_sheet(bent(wall_with_hole(cylinder(30.0)), folds), AXIS)
+
+
+@pytest.mark.parametrize("factor", [0.4, 3.0])
+def test_a_vessel_of_another_size_gets_the_same_piece_at_that_size(factor: float) -> None:
+    wall = wall_with_hole(cone(40.0, 0.4))
+    unit = 1.0 / factor
+    one, other = wheel_sheet(wall, AXIS), wheel_sheet(wall_in(wall, unit), axis_in(AXIS, unit))
+    uv = one.trimmed.loops[0].polygon()
+    middle = np.concatenate([uv, 0.5 * (uv + uv.mean(axis=0))])
+    points, others = one.trimmed.surface.point(middle), other.trimmed.surface.point(factor * middle)
+    np.testing.assert_allclose(others, factor * points, atol=1e-6 * factor)

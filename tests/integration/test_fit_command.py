@@ -63,3 +63,15 @@ def test_bad_options_are_one_sentence_and_status_two(scan, words):
     run = recon("fit", scan, *words)
     assert run.returncode == 2
     assert "Traceback" not in run.stderr
+
+
+def test_quadrilaterals_are_written_as_their_control_mesh_alone(scan, tmp_path):
+    net = tmp_path / "quads.obj"
+    run = recon("fit", scan, "-o", net, "--surface", "catmull-clark", "--control-points", 80, "--plain")
+    assert run.returncode == 0, run.stderr
+    room = json.loads(run.stdout)["room"]
+    assert room["scheme"] == "catmull-clark" and room["control_points"] <= 80
+    faces = [line.split()[1:] for line in net.read_text().splitlines() if line.startswith("f ")]
+    assert {len(face) for face in faces} == {4}
+    refused = recon("fit", scan, "-o", tmp_path / "quads.step", "--surface", "doo-sabin", "--control-points", 80)
+    assert refused.returncode == 2 and "control mesh" in refused.stderr + refused.stdout

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from matplotlib.path import Path as Polygon
 
+from brep_export.app.demo_job import common_over_union
+from brep_export.app.patch_job import kernel_piece
 from brep_export.mesh_files import write_mesh
+from brep_export.triangulation import triangulate
 from recon.hole_patch.pipeline import patch_hole
 from recon.hole_patch.sample_vessel import VesselOptions, broken_vessel
 from recon.numerics.distance import closest_points
@@ -18,6 +21,8 @@ from recon.readers.meshes import read_mesh
 RECON = [sys.executable, "-c", "from brep_export.app.cli import main; main()"]
 VESSELS = Path(__file__).parents[2].parent / "shared" / "data" / "vessels"
 THICKNESS = 3.5
+ENDINGS = ("step", "iges", "brep", "stl", "3mf", "glb")
+LOST_TOO = 2  # a sherd of the belly, opposite the lost one
 
 
 def recon(*words):
@@ -52,10 +57,16 @@ def scans(vessel, tmp_path_factory):
     return files
 
 
-def test_closed_sherds_give_one_closed_solid_in_every_format(vessel, scans, tmp_path):
-    endings = ("step", "iges", "brep", "stl", "3mf", "glb")
-    outputs = [word for ending in endings for word in ("-o", tmp_path / f"piece.{ending}")]
-    answer = passed(recon("patch", *scans["closed"], *outputs, "--picture", tmp_path / "piece.png"))
+@pytest.fixture(scope="module")
+def mended(scans, tmp_path_factory):
+    """The folder and the answer of a run with closed sherds and nothing else asked for."""
+    folder = tmp_path_factory.mktemp("mended")
+    outputs = [word for ending in ENDINGS for word in ("-o", folder / f"piece.{ending}")]
+    return folder, passed(recon("patch", *scans["closed"], *outputs, "--picture", folder / "piece.png"))
+
+
+def test_closed_sherds_give_one_closed_solid_in_every_format(vessel, mended):
+    folder, answer = mended
     kernel, room = answer["kernel"], answer["room"]
     assert (kernel["type"], kernel["closed"], kernel["solids"], kernel["free_edges"]) == ("solid", True, 1, 0)
     assert kernel["read_back"]["same"]
@@ -65,7 +76,7 @@ def test_closed_sherds_give_one_closed_solid_in_every_format(vessel, scans, tmp_
     assert room["gap"]["overlap"] < 0.03 and room["gap"]["min"] < 0.5
     inward = -vessel.lost.vertices.mean(axis=0)[:2]
     assert np.dot(room["insert_direction"][:2], inward) > 0  # from outside, toward the vessel's axis
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(f"piece.{e}" for e in (*endings, "png"))
+    assert sorted(p.name for p in folder.iterdir()) == sorted(f"piece.{e}" for e in (*ENDINGS, "png"))
 
 
 def test_outer_walls_give_a_face_and_with_a_thickness_a_solid(vessel, scans, tmp_path):
@@ -77,11 +88,10 @@ def test_outer_walls_give_a_face_and_with_a_thickness_a_solid(vessel, scans, tmp
     assert solid["kernel"]["volume"] == pytest.approx(2 * face["kernel"]["area"], rel=0.15)  # less where it is concave
 
 
-def test_sherds_are_settled_unless_told_not_to_and_each_motion_is_said(vessel, scans, tmp_path):
+def test_sherds_are_settled_unless_told_not_to_and_each_motion_is_said(vessel, scans, mended, tmp_path):
     left = passed(recon("patch", *scans["closed"], "--no-settle", "-o", tmp_path / "left.step"))
     assert left["room"]["settled"] is None
-    answer = passed(recon("patch", *scans["closed"], "-o", tmp_path / "piece.step"))
-    moves = answer["room"]["settled"]
+    moves = mended[1]["room"]["settled"]
     assert len(moves) == len(vessel.sherds)
     assert all(0 <= move["shift_mm"] <= 0.5 and 0 <= move["turn_deg"] <= 0.5 for move in moves)
     assert any(move["shift_mm"] > 0 for move in moves)  # they came a tenth of a millimetre out of place
@@ -98,14 +108,45 @@ def test_holes_are_listed_by_number_and_chosen_by_it(vessel, scans, tmp_path):
     assert beyond.returncode == 2 and "hole" in beyond.stderr and not (tmp_path / "other.step").exists()
 
 
+def test_every_hole_gets_a_piece_of_its_own_numbered_as_they_are_listed(vessel, scans, tmp_path):
+    left = [*scans["outer"][:LOST_TOO], *scans["outer"][LOST_TOO + 1 :]]
+    listed = recon("patch", *left, "--list", "--picture", tmp_path / "holes.png")
+    holes = list(json.loads(listed.stdout)["room"].values())
+    assert [hole["number"] for hole in holes] == [0, 1] and (tmp_path / "holes.png").stat().st_size > 0
+    assert all(hole["kind"] == "wall" and hole["problem"] is None for hole in holes)
+    answer = passed(recon("patch", *left, "--hole", "all", "-o", tmp_path / "face.step", "-o", tmp_path / "face.brep"))
+    pieces = answer["room"]["pieces"]
+    written = [f"{tmp_path}/face-{number}.{ending}" for number in (0, 1) for ending in ("step", "brep")]
+    assert answer["outputs"] == written == [path for piece in pieces for path in piece["outputs"]]
+    assert [piece["hole"] for piece in pieces] == [0, 1] and answer["room"]["holes"] == 2
+    for piece, hole in zip(pieces, holes):
+        away = np.mean(piece["kernel"]["bounding_box"], axis=0) - [float(x) for x in hole["near"].split()]
+        assert piece["verdict"] == "pass" and np.linalg.norm(away) < 5.0
+    assert answer["kernel"]["faces"] == sum(piece["kernel"]["faces"] for piece in pieces)
+
+
+def test_of_several_pieces_all_are_written_or_none(scans, tmp_path):
+    left = [*scans["outer"][:LOST_TOO], *scans["outer"][LOST_TOO + 1 :]]
+    (tmp_path / "face-1.step").mkdir()  # in the way of the second piece
+    run = recon("patch", *left, "--hole", "all", "-o", tmp_path / "face.step")
+    assert run.returncode == 2 and "face-1.step" in run.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["face-1.step"]
+
+
+@pytest.mark.parametrize("hole", ["every", "-1", "1.5"])
+def test_a_hole_that_is_no_number_is_refused_in_words(scans, tmp_path, hole):
+    run = recon("patch", *scans["outer"], "--hole", hole, "-o", tmp_path / "face.step")
+    assert run.returncode == 2 and "--hole" in run.stderr and not list(tmp_path.iterdir())
+
+
 def test_a_thickness_that_the_scans_make_needless_is_said(scans, tmp_path):
     answer = passed(recon("patch", *scans["closed"], "--thickness", 2, "-o", tmp_path / "piece.step"))
     assert any("not used" in note for note in answer["notes"])
     assert answer["room"]["thickness"]["mean"] == pytest.approx(THICKNESS, rel=0.1)
 
 
-def test_a_clearance_makes_the_piece_smaller_and_a_thin_wall_is_named(scans, tmp_path):
-    tight = passed(recon("patch", *scans["closed"], "-o", tmp_path / "tight.step"))
+def test_a_clearance_makes_the_piece_smaller_and_a_thin_wall_is_named(scans, mended, tmp_path):
+    tight = mended[1]
     loose = passed(recon("patch", *scans["closed"], "-o", tmp_path / "loose.step", "--clearance", 0.3, "--min-wall", 9))
     assert loose["kernel"]["volume"] < tight["kernel"]["volume"]
     assert loose["room"]["gap"]["min"] > tight["room"]["gap"]["min"]
@@ -160,9 +201,8 @@ def test_nothing_is_missing_from_a_whole_vessel(vessel, tmp_path):
     assert not (tmp_path / "piece.step").exists()
 
 
-def test_what_was_written_passes_the_gate_from_the_file(scans, tmp_path):
-    passed(recon("patch", *scans["closed"], "-o", tmp_path / "piece.step"))
-    checked = passed(recon("check", tmp_path / "piece.step"))
+def test_what_was_written_passes_the_gate_from_the_file(mended):
+    checked = passed(recon("check", mended[0] / "piece.step"))
     assert checked["kernel"]["solids"] == 1
 
 
@@ -176,13 +216,26 @@ def distance_inside(sheet, plain, n=60):
 
 
 @pytest.mark.skipif(not VESSELS.is_dir(), reason="the folder of scanned vessels is not beside this checkout")
-@pytest.mark.parametrize("kind", ["solid", "outer"])
-@pytest.mark.parametrize("name", ["cup_wall", "bowl"])
-def test_scanned_vessels_keep_the_published_figures_at_the_edge_and_stay_near_the_wall_inside(name, kind):
+@pytest.mark.parametrize(
+    ("name", "kind", "mean", "largest"),
+    [
+        ("cup_wall", "solid", 0.10, 0.7),
+        ("cup_wall", "outer", 0.10, 0.7),
+        ("bowl", "solid", 0.15, 0.8),
+        ("bowl", "outer", 0.15, 0.8),
+        ("cup_rim", "solid", 0.10, 0.7),
+    ],
+)
+def test_scanned_vessels_come_as_near_as_was_promised(name, kind, mean, largest):
+    """The promises of the missing piece; [kinoshita], table 1, has 0.23 to 0.64 and 1.00 to 2.21 at the edge alone."""
     sherds = [read_mesh(path).mesh for path in sorted((VESSELS / name / kind).glob("*.ply"))]
     piece = patch_hole(sherds)
     edge = piece.outer.edge_distance
-    assert edge.mean() <= 0.25 and edge.max() <= 1.4  # [kinoshita], table 1: mean 0.23 to 0.64, largest 1.00 to 2.21
+    assert edge.mean() <= 0.08 and edge.max() <= 0.7 and piece.outer.rejected <= 0.02
     inside = distance_inside(piece.outer, read_mesh(VESSELS / name / "truth" / "plain.ply").mesh)
-    assert inside.mean() <= 0.5
-    assert (piece.inner is not None) == (kind == "solid")
+    assert inside.mean() <= mean and inside.max() <= largest
+    if kind == "solid":
+        made = triangulate(kernel_piece(piece)[0], 0.02).mesh
+        lost = read_mesh(VESSELS / name / "truth" / "piece.ply").mesh
+        assert common_over_union(made, lost) >= {"cup_wall": 0.85, "cup_rim": 0.87, "bowl": 0.73}[name]
+    assert (piece.inner is not None) == (kind == "solid" and name != "cup_rim")

@@ -143,7 +143,7 @@ def test_sheets_that_hold_no_three_views_say_so(tmp_path):
     with pytest.raises(UnreadableFile, match="do not fall into"):
         read_views(path)
     document = sheet(PLACES["third angle, side view from the right"])
-    document.modelspace().add_line((0, 75), (70, 75))
+    document.modelspace().add_line((40, 10), (60, 10))  # front and side view are one figure
     document.saveas(path)
     with pytest.raises(UnreadableFile):
         read_views(path)
@@ -183,3 +183,73 @@ def test_other_endings_and_damaged_dxf_are_refused(tmp_path):
         path.write_bytes(content)
         with pytest.raises(UnreadableFile):
             read_views(path)
+
+
+def svg(places, hidden='stroke-dasharray="3 1.5"', extra=""):
+    """The views as SVG, whose y runs downward."""
+    rows = []
+    for name, (x, y) in places.items():
+        for segments, how in ((VIEWS[name], ""), (DASHED[name], hidden)):
+            for a, b, c, d in segments:
+                rows.append(f'<line x1="{a + x}" y1="{-b - y}" x2="{c + x}" y2="{-d - y}" {how}/>')
+    return (
+        '<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="200mm" viewBox="-100 -100 200 200">'
+        f'<g stroke="black" fill="none">{"".join(rows)}{extra}</g></svg>'
+    )
+
+
+@pytest.mark.parametrize("layout", [name for name in PLACES if "right" in name])
+def test_svg_and_dxf_of_one_drawing_say_the_same(layout, tmp_path):
+    path = tmp_path / "part.svg"
+    path.write_text(svg(PLACES[layout]))
+    read = read_views(path)
+    assert layout in read.notes
+    assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
+
+
+def test_an_svg_path_says_the_same_as_lines_under_a_transform(tmp_path):
+    path = tmp_path / "part.svg"
+    drawn = svg(PLACES["third angle, side view from the right"])
+    first = '<line x1="0" y1="0" x2="40" y2="0" />'
+    assert first in drawn
+    path.write_text(drawn.replace(first, '<path transform="translate(-5,0) scale(2)" d="m2.5,0 h20"/>'))
+    assert rows(read_views(path).drawing.front) == expected("front")
+
+
+def test_what_is_no_edge_of_an_svg_is_set_aside_and_curves_are_refused(tmp_path):
+    path = tmp_path / "part.svg"
+    centre = '<line x1="20" y1="5" x2="20" y2="-35" style="stroke-dasharray: 8 2 1 2"/><text x="0" y="9">PART</text>'
+    path.write_text(svg(PLACES["third angle, side view from the right"], extra=centre))
+    read = read_views(path)
+    assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
+    assert any("1 centre lines" in note and "1 texts" in note for note in read.notes)
+    curved = '<circle cx="20" cy="-5" r="3"/><path d="M0,0 A5 5 0 0 1 10,-5"/>'
+    path.write_text(svg(PLACES["third angle, side view from the right"], extra=curved))
+    with pytest.raises(CurvedDrawing) as refusal:
+        read_views(path)
+    assert refusal.value.curves == ("circle at (20, 5)", "arc at (10, 5)")
+
+
+@pytest.mark.parametrize("text", ["", "<svg", "<html/>", "<!DOCTYPE x [<!ENTITY a 'b'>]><svg>&a;</svg>"])
+def test_damaged_svg_gets_one_sentence(text, tmp_path):
+    path = tmp_path / "part.svg"
+    path.write_text(text)
+    with pytest.raises(UnreadableFile):
+        read_views(path)
+
+
+def test_a_title_block_beside_the_views_is_set_aside(tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    for a, b, c, d in [
+        (30, -40, 90, -40),
+        (90, -40, 90, -20),
+        (90, -20, 30, -20),
+        (30, -20, 30, -40),
+        (30, -30, 90, -30),
+    ]:
+        document.modelspace().add_line((a, b), (c, d))
+    path = tmp_path / "part.dxf"
+    document.saveas(path)
+    read = read_views(path)
+    assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
+    assert "set aside 5 lines beside the views" in read.notes

@@ -31,6 +31,8 @@ class Surface(StrEnum):
     """Scheme of a fitted surface."""
 
     LOOP = "loop"
+    CATMULL_CLARK = "catmull-clark"
+    DOO_SABIN = "doo-sabin"
 
 
 class Update(StrEnum):
@@ -56,7 +58,16 @@ def fit(
         str | None, typer.Option(help="Largest error: a length, or a share of the diagonal as 0.1%.")
     ] = None,
     update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
-    plain: Annotated[bool, typer.Option(help="All control points at once, six rounds, no refinement.")] = False,
+    plain: Annotated[bool, typer.Option(help="All control points at once, no refinement.")] = False,
+    rounds: Annotated[int, typer.Option(help="Rounds on the last control mesh.", min=1)] = 6,
+    crease_angle: Annotated[
+        float,
+        typer.Option(help="Degrees between two faces from which on an edge stays sharp; 180: none.", min=1, max=180),
+    ] = 40.0,
+    close: Annotated[bool, typer.Option("--close", help="Fill the holes of the scan first.")] = False,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Points far off count less: for scans with outliers.")
+    ] = False,
     unit: UnitOfScans = None,
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,

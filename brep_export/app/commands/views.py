@@ -26,7 +26,7 @@ JOB = "brep_export.app.views_job:views"
 
 
 def views(
-    inputs: Annotated[Path, typer.Argument(metavar="DRAWING", help="Three-view drawing: DXF or JSON.")],
+    inputs: Annotated[Path, typer.Argument(metavar="DRAWING", help="Three-view drawing: DXF, SVG or JSON.")],
     outputs: Annotated[
         list[Path] | None,
         typer.Option("-o", "--output", help=f"File to write ({' '.join(ENDINGS)} .obj .json). Repeatable."),

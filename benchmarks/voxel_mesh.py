@@ -1,0 +1,127 @@
+"""Voxels to boundaries: error and time beside other programs, then CAD faces against the parts behind the grids.
+
+python benchmarks/voxel_mesh.py [GRID ...] [--half]
+
+Grids: those beside the checkout where they are, else parts made here.  Errors are in voxels, symmetric over 200,000
+samples and all vertices, against the marching cubes surface.  Seconds are processor time after a warm-up.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from recon.errors import ReconError
+from recon.geometry.voxel_grid import VoxelGrid, binary_grid
+from recon.numerics.distance import hausdorff_distance
+from recon.numerics.self_intersection import crossing_triangles
+from recon.readers.volumes import read_volume
+from recon.voxel_mesh.marching_cubes import GridSurface, marching_cubes
+from recon.voxel_mesh.simplify import Goal, simplified
+from recon.voxel_mesh.topology import mesh_topology
+
+GRIDS = Path(__file__).parents[2] / "shared" / "data" / "voxels"
+SHARES = {"curved": (0.9, 0.95), "bracket_turned": (0.95,), "bottle": (0.95, 0.98), "bracket": (0.98, 0.99)}
+
+Mesh = tuple[np.ndarray, np.ndarray]
+Method = Callable[[GridSurface, VoxelGrid, int], Mesh]
+
+
+def ours(surface: GridSurface, grid: VoxelGrid, n: int) -> Mesh:
+    less = simplified(surface, grid.proportions, Goal(n, 0.5))
+    return less.vertices, less.face_vertices
+
+
+def ours_fast(surface: GridSurface, grid: VoxelGrid, n: int) -> Mesh:
+    less = simplified(surface, grid.proportions, Goal(n, None))
+    return less.vertices, less.face_vertices
+
+
+def fast_simplification(surface: GridSurface, grid: VoxelGrid, n: int) -> Mesh:
+    import fast_simplification as peer
+
+    points, faces = peer.simplify(
+        surface.vertices.astype(np.float32), surface.face_vertices.astype(np.int32), target_count=n
+    )
+    return points.astype(np.float64), faces.astype(np.int64)
+
+
+def vtk_quadric(surface: GridSurface, grid: VoxelGrid, n: int) -> Mesh:
+    import pyvista
+
+    mesh = pyvista.PolyData.from_regular_faces(surface.vertices, surface.face_vertices)
+    less = mesh.decimate(1.0 - n / len(surface.face_vertices))
+    return np.asarray(less.points, dtype=np.float64), less.regular_faces.astype(np.int64)
+
+
+def pymeshlab_quadric(surface: GridSurface, grid: VoxelGrid, n: int) -> Mesh:
+    import pymeshlab
+
+    session = pymeshlab.MeshSet()
+    session.add_mesh(pymeshlab.Mesh(surface.vertices, surface.face_vertices.astype(np.int32)))
+    session.meshing_decimation_quadric_edge_collapse(targetfacenum=n, preservetopology=True)
+    mesh = session.current_mesh()
+    return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int64)
+
+
+METHODS: dict[str, Method] = {
+    "ours": ours,
+    "ours, --fast": ours_fast,
+    "fast-simplification": fast_simplification,
+    "VTK": vtk_quadric,
+    "pymeshlab": pymeshlab_quadric,
+}
+
+
+def cases(names: list[str], step: int) -> Iterator[tuple[str, VoxelGrid, tuple[float, ...]]]:
+    found = [name for name in SHARES if (GRIDS / f"{name}.npz").exists() and (not names or name in names)]
+    for name in found:
+        grid = binary_grid(read_volume(GRIDS / f"{name}.npz"))
+        solid = grid.solid[::step, ::step, ::step]
+        yield name, VoxelGrid(grid.spacing * step, grid.origin, grid.direction, grid.name, solid), SHARES[name]
+    if not found:
+        yield "ball with a slot", ball_with_slot(96), (0.9, 0.95)
+
+
+def ball_with_slot(n: int) -> VoxelGrid:
+    x, y, z = np.meshgrid(*[np.arange(n) - 0.5 * n + 0.137] * 3, indexing="ij")
+    ball = x**2 + y**2 + z**2 < (0.4 * n) ** 2
+    return VoxelGrid(solid=ball & ~((np.abs(x + 0.3 * y) < 0.08 * n) & (z > 0)), name="ball with a slot")
+
+
+def row(surface: GridSurface, grid: VoxelGrid, n: int, method: Method) -> str:
+    start = time.process_time()
+    try:
+        vertices, faces = method(surface, grid, n)
+    except ImportError:
+        return "not installed"
+    except Exception as failure:  # noqa: BLE001 - a peer that breaks must not end the table
+        return f"failed: {failure}"
+    spent = time.process_time() - start
+    error = hausdorff_distance((vertices, faces), (surface.vertices, surface.face_vertices), n_samples=200_000)
+    cuts = len(crossing_triangles(vertices, faces)[0])
+    try:
+        same = mesh_topology(vertices, faces) == mesh_topology(surface.vertices, surface.face_vertices)
+    except ReconError:
+        same = False
+    return f"{len(faces):8}{error:9.3f}{cuts:6}{'yes' if same else 'NO':>6}{spent:8.1f}"
+
+
+def main() -> None:
+    step = 2 if "--half" in sys.argv else 1
+    small = ball_with_slot(24)
+    for method in (ours, ours_fast):
+        method(marching_cubes(small), small, 200)
+    print(f"{'grid':16}{'share':>6}  {'method':22}{'faces':>8}{'error':>9}{'cuts':>6}{'same':>6}{'s':>8}")
+    for name, grid, shares in cases([a for a in sys.argv[1:] if not a.startswith("-")], step):
+        surface = marching_cubes(grid)
+        for share in shares:
+            for title, method in METHODS.items():
+                n = round((1.0 - share) * len(surface.face_vertices))
+                print(f"{name:16}{share:6.2f}  {title:22}{row(surface, grid, n, method)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,177 @@
+"""One binary grid to one kernel shape, with flat facets or with true faces, and the figures that go with it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.TopoDS import TopoDS_Shape
+
+from brep_export.analytic import analytic_solid, face_kinds
+from brep_export.app.workshop import Bench
+from brep_export.check import ShapeKind, check
+from brep_export.solids import mesh_solid, triangle_solid
+from brep_export.triangulation import triangulate
+from recon.errors import NoSolid, NotManifold
+from recon.geometry.analytic import Cylinder, Plane, Sphere
+from recon.geometry.mesh import TriangleMesh
+from recon.geometry.voxel_grid import VoxelGrid
+from recon.numerics.distance import closest_points, sample_surface
+from recon.tolerance import Tolerance
+from recon.voxel_mesh.analytic_part import AnalyticPart, analytic_part
+from recon.voxel_mesh.marching_cubes import marching_cubes
+from recon.voxel_mesh.pipeline import VoxelOptions, voxel_boundary
+from recon.voxel_mesh.revoxelise import WrongSide, wrong_side
+from recon.voxel_mesh.topology import grid_topology
+
+__all__ = ["FIT", "FLAT", "VoxelBody", "analytic_body", "faceted_body"]
+
+Floats = NDArray[np.float64]
+
+FLAT = 1e-3  # voxels: triangles this near to one plane become one face
+FIT = 0.05  # voxels: how far edges may lie from their faces
+DEFLECTION = 0.01  # voxels: of the triangles that are compared with the grid
+DEEPEST = 0.5  # voxels: a centre farther on the wrong side than this is a feature that was missed
+SAME = 0.03  # voxels: a grid made from triangles has its own centres on the wrong side of round faces by this much
+PROBES = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelBody:
+    """Shape of a grid, errors (n,) in model units against the grid's marching cubes surface, and figures."""
+
+    shape: TopoDS_Shape
+    errors: Floats
+    figures: dict[str, Any]
+
+
+def faceted_body(grid: VoxelGrid, options: VoxelOptions, *, bench: Bench) -> VoxelBody:
+    """Planar faces: the simplified boundary, coplanar triangles joined."""
+    with bench.phase("reconstruct", "finding the boundary"):
+        boundary = voxel_boundary(grid, options, doing=bench.doing)
+    with bench.phase("brep", "building the solid"):
+        shape = _planar(boundary.mesh, Tolerance(merge=FLAT * grid.voxel, fit=FIT * grid.voxel), bench)
+    return VoxelBody(shape, boundary.errors * grid.voxel, boundary.figures() | {"analytic": None})
+
+
+def _planar(mesh: TriangleMesh, tolerance: Tolerance, bench: Bench) -> TopoDS_Shape:
+    """One face a flat region; one a triangle where flats are too small to tell apart."""
+    try:
+        return mesh_solid(mesh, tolerance)
+    except NotManifold as problem:
+        bench.note(f"coplanar triangles were not merged ({problem})")
+        return triangle_solid(mesh)
+
+
+def analytic_body(grid: VoxelGrid, options: VoxelOptions, *, snap: float | None, bench: Bench) -> VoxelBody:
+    """True faces where the part has them; the faceted body, with a note, where they make no solid like the grid."""
+    try:
+        with bench.phase("reconstruct", "recognising surfaces"):
+            part = analytic_part(grid, doing=bench.doing)
+        with bench.phase("brep", "building the solid"):
+            built = _snapped(part, snap, bench) or _built(part)
+        return _analytic(grid, *built, bench)
+    except NoSolid as problem:
+        bench.note(f"no solid with true faces: {problem} It is made of flat facets instead.")
+        body = faceted_body(grid, options, bench=bench)
+        kinds = {"planes": 0, "cylinders": 0, "cones": 0, "spheres": 0, "tori": 0}
+        return VoxelBody(
+            body.shape, body.errors, body.figures | {"analytic": kinds | {"fallback_faces": body.figures["faces"]}}
+        )
+
+
+Built = tuple[AnalyticPart, TopoDS_Shape, TriangleMesh, WrongSide, int]
+
+
+def _built(part: AnalyticPart) -> Built:
+    """The solid of a part, held against its grid.
+
+    Raises  NoSolid when it cannot be built, the gate refuses it, or some voxel lies deep on its wrong side.
+    """
+    voxel = part.grid.voxel
+    shape, refused = analytic_solid(part.surfaces, part.blends, box=part.box, voxel=voxel, is_solid=part.vote())
+    report = check(shape, Tolerance(merge=1e-3 * voxel, fit=FIT * voxel), expect=ShapeKind.SOLID)
+    if not report.passed:
+        raise NoSolid(f"the surfaces that were recognised make no sound solid ({report.defects[0]})")
+    mesh = triangulate(shape, DEFLECTION * voxel).mesh
+    wrong = wrong_side(part.grid, mesh)
+    if wrong.deepest > DEEPEST:
+        raise NoSolid(
+            f"the surfaces that were recognised miss something: {wrong.centres} voxel centres lie on the wrong side, one"
+            f" {wrong.deepest:.1f} voxels deep"
+        )
+    return part, shape, mesh, wrong, len(refused)
+
+
+def _snapped(part: AnalyticPart, snap: float | None, bench: Bench) -> Built | None:
+    """The part at round values, where it gives the same voxels again, but for centres right on its surface."""
+    if snap is None:
+        return None
+    try:
+        built = _built(part.snapped(snap))
+    except NoSolid as problem:
+        bench.note(f"not snapped: {problem}")
+        return None
+    if built[3].deepest > SAME:
+        bench.note(f"not snapped: {built[3].centres} voxels would change sides, one by {built[3].deepest:.2f} voxels")
+        return None
+    return built
+
+
+def _analytic(
+    grid: VoxelGrid,
+    part: AnalyticPart,
+    shape: TopoDS_Shape,
+    mesh: TriangleMesh,
+    wrong: WrongSide,
+    refused: int,
+    bench: Bench,
+) -> VoxelBody:
+    surface = marching_cubes(grid)
+    own = grid.placed(surface.vertices, surface.face_vertices)
+    there, back = (sample_surface(m.vertices, m.face_vertices, PROBES) for m in (own, mesh))
+    errors = np.concatenate(
+        [
+            closest_points(there, mesh.vertices, mesh.face_vertices).distances,
+            closest_points(back, own.vertices, own.face_vertices).distances,
+        ]
+    )
+    if refused:
+        bench.note(f"{refused} rounded edges were left sharp: the kernel could not round them")
+    if wrong.centres:
+        bench.note(f"{wrong.centres} voxel centres lie on the wrong side, the deepest {wrong.deepest:.2f} voxels")
+    kinds = face_kinds(shape)
+    figures = {
+        "faces_marching_cubes": own.n_faces,
+        "faces": sum(kinds.values()),
+        "reduction": 1.0 - sum(kinds.values()) / own.n_faces,
+        "max_error_voxels": float(errors.max()) / grid.voxel,
+        "rms_error_voxels": float(np.sqrt((errors**2).mean())) / grid.voxel,
+        "feature_voxels": None,
+        "features_kept": None,
+        **grid_topology(grid.solid)._asdict(),
+        "analytic": kinds | {"fallback_faces": 0},
+        "voxels_on_wrong_side": wrong.centres,
+        "surfaces": _listed(part),
+    }
+    return VoxelBody(shape, errors, figures)
+
+
+def _listed(part: AnalyticPart) -> list[dict[str, Any]]:
+    """Every surface with its size, and the interval that the grid leaves open."""
+    rows: list[dict[str, Any]] = []
+    for surface, (low, high) in zip(part.surfaces, part.intervals):
+        if isinstance(surface, Plane):
+            row = {"kind": "plane", "normal": surface.normal_vector.tolist(), "offset": surface.offset}
+            value = surface.offset
+        elif isinstance(surface, Cylinder):
+            row = {"kind": "cylinder", "axis": surface.axis.tolist(), "point": surface.point.tolist()}
+            row["radius"] = value = surface.radius
+        elif isinstance(surface, Sphere):
+            row = {"kind": "sphere", "centre": surface.centre.tolist(), "radius": surface.radius}
+            value = surface.radius
+        else:
+            row, value = {"kind": "cone"} | {k: np.asarray(v).tolist() for k, v in vars(surface).items()}, 0.0
+        rows.append(row | {"interval": [value + low, value + high]})
+    rows += [{"kind": "blend", "radius": b.radius, "between": [b.first, b.second]} for b in part.blends]
+    return rows

@@ -1,0 +1,151 @@
+"""The job behind `recon voxels`: a volume to the boundary of its solid voxels, through the gate, to files."""
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.TopoDS import TopoDS_Compound, TopoDS_Shape
+
+from brep_export.app.deliver import gate, write_files
+from brep_export.app.result import result, statistics
+from brep_export.app.voxel_bodies import FIT, FLAT, VoxelBody, analytic_body, faceted_body
+from brep_export.app.workshop import Bench, Exit
+from brep_export.check import CheckReport, ShapeKind
+from brep_export.faces import BUILDER
+from recon.errors import BadOption
+from recon.geometry.voxel_grid import Volume, VoxelGrid, binary_grid, volume_labels
+from recon.readers.volumes import read_volume
+from recon.tolerance import Tolerance
+from recon.voxel_mesh.pipeline import VoxelOptions
+from recon.voxel_mesh.topology import kept_bodies
+
+__all__ = ["voxels"]
+
+Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
+
+
+def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
+    """Read the volume, find the boundary, build the solid, prove it, write it."""
+    options = _options(request)
+    with bench.phase("read", "reading the volume"):
+        volume = read_volume(request["inputs"][0], spacing=_spacing(request["spacing"]))
+        grids = [_cleaned(grid, request, bench) for grid in _grids(volume, request)]
+    if request["snap"] is not None and not request["analytic"]:
+        raise BadOption("--snap", "is for true faces; ask for them with --analytic")
+    if request["analytic"]:
+        solids = [analytic_body(grid, options, snap=request["snap"], bench=bench) for grid in grids]
+    else:
+        solids = [faceted_body(grid, options, bench=bench) for grid in grids]
+    tolerance = Tolerance(merge=FLAT * grids[0].voxel, fit=FIT * grids[0].voxel)
+    shape = _together([body.shape for body in solids])
+    report = gate(shape, tolerance, ShapeKind.SOLID, bench)
+    named = dict(request) | {"name": request["name"] or Path(request["inputs"][0]).name.split(".")[0]}
+    report, written = write_files(shape, report, named, bench, paint=partial(_paint, report))
+    reasons = tuple(str(defect) for defect in report.defects)
+    answer = result(
+        "voxels",
+        inputs=request["inputs"],
+        outputs=written,
+        reasons=reasons,
+        kernel=report.as_json(),
+        error=statistics(
+            np.concatenate([body.errors for body in solids]),
+            unit="mm",
+            against="the marching cubes surface of the grid, both ways",
+        ),
+        seconds=bench.seconds | {"total": bench.elapsed()},
+        room=_figures(grids, solids),
+        notes=bench.notes,
+    )
+    return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
+
+
+def _options(request: Mapping[str, Any]) -> VoxelOptions:
+    return VoxelOptions(
+        tolerance=None if request["fast"] else request["tolerance"],
+        n_faces=request["faces"],
+        reduction=request["reduction"],
+        features=request["features"] == "paper",
+        opening=request["opening"],
+        closing=request["closing"],
+    )
+
+
+def _spacing(text: str | None) -> NDArray[np.float64] | None:
+    if text is None:
+        return None
+    try:
+        lengths = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        raise BadOption("--spacing", f"needs one length, or three as X,Y,Z, not {text!r}") from None
+    return np.array(lengths * 3 if len(lengths) == 1 else lengths)
+
+
+def _grids(volume: Volume, request: Mapping[str, Any]) -> list[VoxelGrid]:
+    """The binary grid that was asked for, or one a label."""
+    label = request["label"]
+    if label == "all":
+        if request["threshold"] is not None:
+            raise BadOption("--label", "give a threshold or labels, not both")
+        labels = volume_labels(volume)
+        if len(labels) > 1000:
+            raise BadOption(
+                "--label", f"{volume.name} has {len(labels)} values; that is a grey volume, give a threshold"
+            )
+        return [binary_grid(volume, label=float(value)) for value in labels]
+    try:
+        number = None if label is None else float(label)
+    except ValueError:
+        raise BadOption("--label", f"needs a number or all, not {label!r}") from None
+    return [binary_grid(volume, threshold=request["threshold"], label=number)]
+
+
+def _cleaned(grid: VoxelGrid, request: Mapping[str, Any], bench: Bench) -> VoxelGrid:
+    """The grid without the bodies that are not wanted; what is dropped is said."""
+    if not request["largest"] and request["min_voxels"] <= 1:
+        return grid
+    solid, dropped = kept_bodies(grid.solid, largest=request["largest"], min_voxels=request["min_voxels"])
+    if not solid.any():
+        raise BadOption("--min-voxels", f"leaves nothing of {grid.name}; its largest body has {dropped[0]} voxels")
+    if len(dropped):
+        bench.note(
+            f"dropped {len(dropped)} bodies of {grid.name}, {int(dropped.sum())} voxels in all, the largest of"
+            f" {int(dropped[0])}; kept {int(solid.sum())} voxels"
+        )
+    return grid.with_solid(solid)
+
+
+def _together(shapes: list[TopoDS_Shape]) -> TopoDS_Shape:
+    if len(shapes) == 1:
+        return shapes[0]
+    compound = TopoDS_Compound()
+    BUILDER.MakeCompound(compound)
+    for shape in shapes:
+        BUILDER.Add(compound, shape)
+    return compound
+
+
+def _figures(grids: list[VoxelGrid], solids: list[VoxelBody]) -> dict[str, Any]:
+    """Sums over the labels where something is counted, the worst where something is measured."""
+    figures = dict(solids[0].figures)
+    for body in solids[1:]:
+        for key in ("faces_marching_cubes", "faces", "bodies", "cavities", "genus"):
+            figures[key] += body.figures[key]
+        for key in ("max_error_voxels", "rms_error_voxels"):
+            figures[key] = max(figures[key], body.figures[key])
+    figures["reduction"] = 1.0 - figures["faces"] / figures["faces_marching_cubes"]
+    return {
+        "voxels": sum(int(grid.solid.sum()) for grid in grids),
+        "shape": list(grids[0].solid.shape),
+        "spacing": grids[0].spacing.tolist(),
+        **figures,
+    }
+
+
+def _paint(report: CheckReport, path: Path) -> None:
+    from brep_export.app.pictures import draw, views_around
+
+    draw(path, views_around(report.triangles(), [np.array(line) for line in report.free_edges]))

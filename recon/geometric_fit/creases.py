@@ -1,0 +1,119 @@
+"""Sharp edges of a scan, found on its control mesh: where two faces stand at an angle that the scan has nearby too.
+
+A control edge is bent because the shape is sharp there, or because the control mesh is coarse. The scan tells which:
+normals are compared on both sides of the edge, near to it. A sharp edge keeps its angle there, a round one loses it.
+
+       sharp  ______            round   ___---___        a, b   where the scan is asked: up to a third of an edge
+             a   b  \\                   /  a  b  \\               to the left and to the right of its middle
+                     \\                 |        |
+
+    bent edges  ->  confirmed by the scan  ->  chains that are `LONG`  ->  corners where a chain turns sharply
+
+Paper  [hoppe1994], sharp edges, darts and corners of a subdivision surface.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.spatial import cKDTree
+
+from recon.geometry.control_mesh import ControlMesh
+from recon.geometry.mesh import TriangleMesh
+from recon.numerics.halfedges import edge_table
+
+__all__ = ["n_loose_ends", "with_creases"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+REACH = 0.35  # of a control edge: how far from it the scan is asked
+CONFIRMED = 0.75  # of the angle asked for is found in the scan, whose edges are a little rounded
+EDGED = 0.1  # of all edges in long chains: the shape is one with sharp edges, and shorter chains count too
+SHORTEST = 4  # edges in a chain of such a shape: fewer are a bump
+LONG = 0.5  # of the diagonal, all edges of a chain together: what is shorter, as a hoof or an ear, is fitted smoothly
+NEAREST = 24  # faces of the scan that are asked at each edge at least, as far as they are within reach
+SHARP_TURN = np.cos(np.radians(50.0))  # between two edges of a chain that meet in a corner
+
+
+def with_creases(mesh: ControlMesh, scan: TriangleMesh, angle: float) -> ControlMesh:
+    """The control mesh with its sharp edges marked, and the corners of these and of its border.
+
+    angle  radians between the normals of two faces from which on the edge is sharp
+    """
+    table = edge_table(mesh.faces_of(3))
+    edge, face = table.edge_faces()
+    pair = np.flatnonzero(edge[1:] == edge[:-1])
+    pair = pair[table.uses[edge[pair]] == 2]
+    normals = _unit(mesh.triangle_mesh().area_vectors())
+    one, two = face[pair], face[pair + 1]
+    bent = np.einsum("ij,ij->i", normals[one], normals[two]) < np.cos(angle)
+    edges, one, two = table.edges[edge[pair[bent]]], one[bent], two[bent]
+    found = _angle_in_scan(mesh, scan, edges, normals[one] + normals[two]) > CONFIRMED * angle
+    creases = _chains(edges[found], mesh.vertices, len(table.edges))
+    corners = _corners(mesh.vertices, np.concatenate([creases, table.edges[table.uses == 1]]))
+    return ControlMesh(mesh.vertices, mesh.face_corners, mesh.face_starts, creases, corners)
+
+
+def n_loose_ends(mesh: ControlMesh) -> int:
+    """How many vertices one crease alone leads to: many where the creases are ragged."""
+    return int((np.bincount(mesh.crease_edges.ravel()) == 1).sum())
+
+
+def _unit(vectors: Floats) -> Floats:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: Floats) -> Floats:
+    """(m,) the angle between the mean normals of the scan on both sides of each edge, near its middle."""
+    if len(edges) == 0:
+        return np.empty(0)
+    area_vectors = scan.area_vectors()
+    centres = scan.corners().mean(axis=1)
+    start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
+    middle, length = (start + end) / 2.0, np.linalg.norm(end - start, axis=1)
+    across = _unit(np.cross(outward, end - start))
+    distance, near = cKDTree(centres).query(middle, k=min(NEAREST, len(centres)))
+    distance, near = distance.reshape(len(edges), -1), near.reshape(len(edges), -1)
+    # the edge may lie a little off the scan: what is within reach is counted from the nearest face
+    within = distance <= distance[:, :1] + REACH * length[:, None]
+    side = np.einsum("mki,mi->mk", centres[near] - centres[near[:, :1]], across)
+    side -= np.median(side, axis=1, keepdims=True)
+    left, right = (
+        _unit(np.einsum("mk,mki->mi", within & chosen, area_vectors[near])) for chosen in (side > 0, side < 0)
+    )
+    return np.arccos(np.clip(np.einsum("mi,mi->m", left, right), -1.0, 1.0))
+
+
+def _chains(edges: Ints, vertices: Floats, n_edges: int) -> Ints:
+    """The edges that hang together with enough others: over LONG of the diagonal, or some few where all is sharp."""
+    if len(edges) == 0:
+        return edges
+    ones = np.ones(len(edges), dtype=np.int8)
+    graph = sparse.coo_array((ones, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices)))
+    piece = csgraph.connected_components(graph, directed=False)[1][edges[:, 0]]
+    length = np.bincount(piece, np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1))
+    long = length[piece] >= LONG * np.linalg.norm(np.ptp(vertices, axis=0))
+    return edges[np.bincount(piece)[piece] >= SHORTEST if long.sum() > EDGED * n_edges else long]
+
+
+def _corners(vertices: Floats, sharp: Ints) -> Ints:
+    """(K,) vertices in which two sharp edges, creases or borders, meet at a sharp turn.
+
+    The turn is seen from two edges away, where the chain leads that far: short edges zigzag on a noisy scan.
+    """
+    ends = np.concatenate([sharp, sharp[:, ::-1]])
+    ends = ends[np.argsort(ends[:, 0], kind="stable")]
+    count = np.bincount(ends[:, 0], minlength=len(vertices))
+    first = np.cumsum(count) - count
+    vertex = np.flatnonzero(count == 2)
+
+    def ahead(nearest: Ints) -> Floats:
+        pair = ends[first[nearest][:, None] + np.array([0, 1]) * (count[nearest] == 2)[:, None], 1]
+        beyond = np.where(pair[:, 0] == vertex, pair[:, 1], pair[:, 0])
+        reached = np.where(count[nearest] == 2, beyond, nearest)
+        return _unit(vertices[reached] - vertices[vertex])
+
+    one, two = ahead(ends[first[vertex], 1]), ahead(ends[first[vertex] + 1, 1])
+    return vertex[np.einsum("ij,ij->i", one, two) > -SHARP_TURN]

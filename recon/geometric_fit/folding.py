@@ -1,0 +1,70 @@
+"""Steps that do not fold the surface, and folds taken out of a control mesh.
+
+The tangent distance lets control points slide, and where the scan is sharp they slide over one another:
+
+    1. a step that would fold the surface is halved around the fold, and at last not taken there
+    2. the control points around are stiffer from then on (`pipeline`), so the next step is another one
+    3. folds that are there already, after a refinement say, are drawn smooth bit by bit
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometric_fit.guards import Guards, neighbour_means
+from recon.geometry.control_mesh import ControlMesh
+
+__all__ = ["Step", "stepped", "unfolded"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+HALVINGS = 3  # of a step that folds the surface
+UNFOLDINGS, UNFOLDING = 24, 0.25  # steps that take folds out, and how far toward the mean each goes
+
+
+class Step(NamedTuple):
+    """Control points after a step, which of them the whole step would have folded, and which are folded."""
+
+    points: Floats
+    folding: Bools
+    folded: Bools
+
+
+def stepped(guards: Guards, old: Floats, new: Floats) -> Step:
+    """The step, shortened where it would fold the surface.
+
+    Where halving does not help, the step is taken back with that of all neighbours: what did not fold before does not
+    fold after. What folded before may go on to move.
+    """
+    folding = folded = guards.folded(new)
+    if not folded.any():
+        return Step(new, folding, folded)
+    before, share = guards.folded(old), np.ones(len(old))
+    for number in range(2 * HALVINGS):
+        wide = guards.widened(folded & ~before)
+        if not wide.any():
+            break
+        share[wide] *= 0.5 if number < HALVINGS else 0.0
+        folded = guards.folded(old + share[:, None] * (new - old))
+    return Step(old + share[:, None] * (new - old), folding, folded)
+
+
+def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
+    """The mesh with control points of faces that fold drawn toward their neighbours' mean; how many still fold.
+
+    Where no way leads out of all folds, the state with the fewest is kept.
+    """
+    points = mesh.vertices
+    folded = guards.folded(points)
+    best, fewest = points, int(folded.sum())
+    means = neighbour_means(mesh)
+    for _ in range(UNFOLDINGS):
+        if not folded.any():
+            break
+        points = np.where(folded[:, None], points + UNFOLDING * (means @ points - points), points)
+        folded = guards.folded(points)
+        if folded.sum() < fewest:
+            best, fewest = points, int(folded.sum())
+    return mesh.with_vertices(best), fewest

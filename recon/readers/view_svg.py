@@ -1,0 +1,255 @@
+"""Three-view drawings as SVG: dash arrays tell hidden lines from the others.
+
+element                                  what becomes of it
+line, polyline, polygon, rect, path      edges, drawn through or dashed; y turned upward, transforms applied
+a dash array of more than one dash       set aside as a centre line, and counted
+text, image, filled shapes, markers      set aside, and counted
+circle, ellipse, curves of a path        refused, with their places
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import CurvedDrawing, UnreadableFile
+from recon.readers.content import file_bytes
+from recon.readers.view_sheet import Strokes, ViewSheet, separate_views
+
+__all__ = ["read_svg_views"]
+
+Floats = NDArray[np.float64]
+
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+COMMAND = re.compile(r"([MmLlHhVvZzCcSsQqTtAa])([^MmLlHhVvZzCcSsQqTtAa]*)")
+TRANSFORM = re.compile(r"(matrix|translate|scale|rotate|skewX|skewY)\s*\(([^)]*)\)")
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "px": 25.4 / 96}
+ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+UNSEEN = {"defs", "metadata", "title", "desc", "style", "clipPath", "mask", "marker", "pattern", "symbol"}
+DEEPEST = 60
+
+
+@dataclass(frozen=True)
+class _Pen:
+    """What an element hands down to those inside it: where it stands, how it is drawn."""
+
+    place: Floats = field(default_factory=lambda: np.eye(3))
+    dashes: str = "none"
+    stroke: str = "none"
+    fill: str = "black"
+
+
+@dataclass
+class _Sheet:
+    """What has been read so far."""
+
+    segments: list[Floats] = field(default_factory=list)
+    hidden: list[bool] = field(default_factory=list)
+    curves: list[str] = field(default_factory=list)
+    aside: Counter[str] = field(default_factory=Counter)
+
+
+def read_svg_views(path: str | Path) -> ViewSheet:
+    """A drawing from an SVG file, in millimetres where the file names its size.
+
+    Raises  UnreadableFile when the file is no SVG or holds no three views; CurvedDrawing with the place of every curve.
+    """
+    name = str(path)
+    root = _root(file_bytes(path), name)
+    sheet = _Sheet()
+    scale = _millimetres(root)
+    _read(root, _Pen(place=np.diag([scale, -scale, 1.0])), sheet, 0)
+    if sheet.curves:
+        raise CurvedDrawing(name, sheet.curves)
+    rows = np.array(sheet.segments, dtype=np.float64).reshape(-1, 2, 2)
+    usable = np.isfinite(rows).all(axis=(1, 2)) & (np.abs(rows) < 1e12).all(axis=(1, 2))
+    views = separate_views(Strokes(rows[usable], np.array(sheet.hidden, dtype=bool)[usable]), name)
+    return views.with_notes(sheet.aside)
+
+
+def _root(content: bytes, name: str) -> Any:
+    from lxml import etree
+
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=False)
+    try:
+        root = etree.fromstring(content, parser)
+    except (etree.XMLSyntaxError, ValueError) as problem:
+        raise UnreadableFile(name, "is no SVG file, or damaged") from problem
+    if root is None or _tag(root) != "svg":
+        raise UnreadableFile(name, "is no SVG file")
+    return root
+
+
+def _tag(element: Any) -> str:
+    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
+
+
+def _numbers(text: str | None) -> list[float]:
+    return [float(match) for match in NUMBER.findall(text or "")]
+
+
+def _millimetres(root: Any) -> float:
+    """Millimetres of one unit of the drawing; 1 when the file does not tell."""
+    box = _numbers(root.get("viewBox"))
+    width = root.get("width", "")
+    unit = MILLIMETRES.get(width.strip().lstrip("+-.0123456789eE").strip())
+    size = _numbers(width)
+    if unit is None or not size or size[0] <= 0:
+        return 1.0
+    return unit * size[0] / box[2] if len(box) == 4 and box[2] > 0 else unit
+
+
+def _style(element: Any) -> dict[str, str]:
+    written = (item.split(":", 1) for item in element.get("style", "").split(";") if ":" in item)
+    return dict(element.attrib) | {key.strip(): value.strip() for key, value in written}
+
+
+def _read(element: Any, pen: _Pen, sheet: _Sheet, depth: int) -> None:
+    kind = _tag(element)
+    if kind in UNSEEN or not kind or depth > DEEPEST:
+        return
+    style = _style(element)
+    if style.get("display") == "none" or style.get("visibility") == "hidden":
+        return
+    pen = replace(
+        pen,
+        place=pen.place @ _matrix(style.get("transform", "")),
+        dashes=style.get("stroke-dasharray", pen.dashes),
+        stroke=style.get("stroke", pen.stroke),
+        fill=style.get("fill", pen.fill),
+    )
+    if kind in ("svg", "g", "a", "switch"):
+        for child in element:
+            _read(child, pen, sheet, depth + 1)
+    elif kind == "use":
+        _read_use(element, pen, sheet, depth)
+    else:
+        _draw(element, kind, pen, sheet)
+
+
+def _read_use(element: Any, pen: _Pen, sheet: _Sheet, depth: int) -> None:
+    wanted = element.get("href") or element.get("{http://www.w3.org/1999/xlink}href") or ""
+    found = [e for e in element.getroottree().iter() if isinstance(e.tag, str) and "#" + e.get("id", "") == wanted]
+    if found:
+        shift = np.eye(3)
+        shift[:2, 2] = [next(iter(_numbers(element.get(key))), 0.0) for key in ("x", "y")]
+        for part in found[0] if _tag(found[0]) == "symbol" else found[:1]:
+            _read(part, replace(pen, place=pen.place @ shift), sheet, depth + 1)
+
+
+def _matrix(text: str) -> Floats:
+    """The transform of a list like translate(1 2) rotate(90)."""
+    made = np.eye(3)
+    for name, arguments in TRANSFORM.findall(text):
+        v = _numbers(arguments)
+        step = np.eye(3)
+        if name == "matrix" and len(v) == 6:
+            step[:2] = np.array(v).reshape(3, 2).T
+        elif name == "translate" and v:
+            step[:2, 2] = v[0], v[1] if len(v) > 1 else 0.0
+        elif name == "scale" and v:
+            step[0, 0], step[1, 1] = v[0], v[1] if len(v) > 1 else v[0]
+        elif name == "rotate" and v:
+            c, s = np.cos(np.radians(v[0])), np.sin(np.radians(v[0]))
+            step[:2, :2] = [[c, -s], [s, c]]
+            if len(v) == 3:
+                centre = np.array(v[1:])
+                step[:2, 2] = centre - step[:2, :2] @ centre
+        elif name in ("skewX", "skewY") and v:
+            step[(0, 1) if name == "skewX" else (1, 0)] = np.tan(np.radians(v[0]))
+        made = made @ step
+    return made
+
+
+def _draw(element: Any, kind: str, pen: _Pen, sheet: _Sheet) -> None:
+    if kind not in ("line", "polyline", "polygon", "rect", "path", "circle", "ellipse"):
+        sheet.aside[{"text": "texts", "image": "images"}.get(kind, kind + " elements")] += 1
+        return
+    if pen.stroke == "none":
+        sheet.aside["filled shapes without an outline"] += 1
+        return
+    dashes = [] if pen.dashes == "none" else _numbers(pen.dashes)
+    dashes = dashes * 2 if len(dashes) % 2 else dashes  # as SVG reads a list of odd length
+    if len(set(dashes[::2])) > 1:
+        sheet.aside["centre lines"] += 1
+        return
+    lines, curves = _outline(element, kind)
+    where = [pen.place @ [*place, 1.0] for _, place in curves]
+    sheet.curves += [f"{name} at ({x:.6g}, {y:.6g})" for (name, _), (x, y, _) in zip(curves, where)]
+    for a, b in lines:
+        if a != b:
+            ends = np.column_stack([np.array([a, b]), [1.0, 1.0]]) @ pen.place.T
+            sheet.segments.append(ends[:, :2])
+            sheet.hidden.append(sum(dashes[1::2]) > 0)
+
+
+Point = tuple[float, float]
+Lines = list[tuple[Point, Point]]
+Curves = list[tuple[str, Point]]
+
+
+def _outline(element: Any, kind: str) -> tuple[Lines, Curves]:
+    """Straight lines of an element, and its curves with a point of each."""
+
+    def length(key: str) -> float:
+        return next(iter(_numbers(element.get(key))), 0.0)
+
+    if kind in ("circle", "ellipse"):
+        return [], [(kind, (length("cx"), length("cy")))]
+    if kind == "line":
+        return [((length("x1"), length("y1")), (length("x2"), length("y2")))], []
+    if kind == "rect":
+        x, y, w, h = length("x"), length("y"), length("width"), length("height")
+        corners = [(x, y), (x + w, y), (x + w, y + h), (x, y + h)]
+        rounded = [("rounded corner", (x, y))] if length("rx") or length("ry") else []
+        return list(zip(corners, corners[1:] + corners[:1])), rounded
+    if kind == "path":
+        return _path(element.get("d", ""))
+    v = _numbers(element.get("points"))
+    points = list(zip(v[::2], v[1::2]))
+    closing = [(points[-1], points[0])] if kind == "polygon" and points else []
+    return [*pairwise(points), *closing], []
+
+
+def _path(text: str) -> tuple[Lines, Curves]:
+    lines, curves = Lines(), Curves()
+    start = at = (0.0, 0.0)
+    for command, arguments in COMMAND.findall(text):
+        for form, v in _steps(command, _numbers(arguments)):
+            relative = command.islower()
+            base = at if relative else (0.0, 0.0)
+            to = _target(form, v, at, base, start)
+            if form == "M":
+                start = to
+            elif form in "LHVZ":
+                lines.append((at, to))
+            else:
+                curves.append(("arc" if form == "A" else "curve", to))
+            at = to
+    return lines, curves
+
+
+def _steps(command: str, values: list[float]) -> Iterator[tuple[str, list[float]]]:
+    """A command once for every set of its arguments; further ones of a move are lines."""
+    form = command.upper()
+    size = ARGUMENTS[form]
+    if not size:
+        yield form, []
+    for k in range(0, len(values) - size + 1 if size else 0, size or 1):
+        yield ("L" if form == "M" and k else form), values[k : k + size]
+
+
+def _target(form: str, v: list[float], at: Point, base: Point, start: Point) -> Point:
+    if form == "Z":
+        return start
+    if form == "H":
+        return base[0] + v[0], at[1]
+    if form == "V":
+        return at[0], base[1] + v[0]
+    return base[0] + v[-2], base[1] + v[-1]

@@ -1,0 +1,153 @@
+"""Volumes from files: numpy arrays, NRRD, MetaImage, NIfTI, VTI, TIFF stacks, binvox, and DICOM series.
+
+A file's coordinates are kept as it gives them: NIfTI counts towards the right, front and top of a patient, DICOM and
+most NRRD files towards the left, back and top.  Formats without a spacing have voxels of one unit unless told.
+"""
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import BadOption, ReconError, UnreadableFile, UnsupportedFormat
+from recon.geometry.voxel_grid import Volume
+from recon.readers.content import file_bytes, require_plain_file
+from recon.readers.image_data import read_vti
+from recon.readers.volume_headers import read_metaimage, read_nifti, read_nrrd
+
+__all__ = ["VOLUME_ENDINGS", "read_volume"]
+
+Floats = NDArray[np.float64]
+
+
+def read_volume(path: str | Path, *, spacing: Floats | None = None) -> Volume:
+    """Volume of a file, or of a folder with one DICOM series.
+
+    spacing  (3,) in model units, in place of what the file says
+    Raises   UnreadableFile, UnsupportedFormat, BadGeometry, BadOption.
+    """
+    file = Path(path)
+    if file.is_dir():
+        volume = _dicom(file)
+    else:
+        ending = _ending(file)
+        if ending not in _READERS:
+            raise UnsupportedFormat(str(path), VOLUME_ENDINGS)
+        require_plain_file(file)
+        volume = _read(_READERS[ending], file)
+    if spacing is None:
+        return volume
+    if len(spacing) != 3 or not (np.asarray(spacing) > 0).all():
+        raise BadOption("--spacing", "needs one positive length, or three")
+    return replace(volume, spacing=np.asarray(spacing, dtype=np.float64))
+
+
+def _ending(file: Path) -> str:
+    name = file.name.lower()
+    return next((e for e in VOLUME_ENDINGS if name.endswith(e)), file.suffix.lower())
+
+
+def _read(reader: Callable[[Path], Volume], file: Path) -> Volume:
+    try:
+        return reader(file)
+    except ReconError:
+        raise
+    except MemoryError:
+        raise UnreadableFile(str(file), "claims to be larger than the memory") from None
+    except Exception as problem:
+        raise UnreadableFile(str(file), f"is damaged, or not what its name says ({problem})") from problem
+
+
+def _npy(file: Path) -> Volume:
+    file_bytes(file)
+    return Volume(name=file.name, values=np.load(file, allow_pickle=False))
+
+
+def _npz(file: Path) -> Volume:
+    """Arrays `voxels` (or the only one of three axes), and `spacing`, `origin`, `direction` where they are there."""
+    file_bytes(file)
+    try:
+        content = np.load(file, allow_pickle=False)
+        arrays = {key: content[key] for key in content.files}
+    except zipfile.BadZipFile:
+        raise UnreadableFile(str(file), "is no .npz archive") from None
+    grids = [key for key, array in arrays.items() if array.ndim == 3]
+    key = "voxels" if "voxels" in grids else grids[0] if len(grids) == 1 else None
+    if key is None:
+        names = ", ".join(arrays) or "nothing"
+        raise UnreadableFile(str(file), f"holds {names}", "Name the grid's array `voxels`")
+    places: dict[str, Any] = {
+        k: np.broadcast_to(np.asarray(arrays[k], dtype=np.float64), shape)
+        for k, shape in (("spacing", (3,)), ("origin", (3,)), ("direction", (3, 3)))
+        if k in arrays
+    }
+    return Volume(**places, name=file.name, values=arrays[key])
+
+
+def _tiff(file: Path) -> Volume:
+    """Pages are slices along the third axis, columns run along the first."""
+    from PIL import Image, ImageSequence
+
+    file_bytes(file)
+    with Image.open(file) as image:
+        pages = [np.array(page) for page in ImageSequence.Iterator(image)]
+    if any(page.shape != pages[0].shape or page.ndim != 2 for page in pages):
+        raise UnreadableFile(str(file), "its pages differ in size, or are in colour", "Save one grey image a slice")
+    return Volume(name=file.name, values=np.stack(pages, axis=2).transpose(1, 0, 2))
+
+
+def _binvox(file: Path) -> Volume:
+    """Run lengths of zeros and ones, the second axis fastest, then the third; the longest side has length `scale`."""
+    data = file_bytes(file)
+    if not data.startswith(b"#binvox"):
+        raise UnreadableFile(str(file), "is no binvox file")
+    head, _, body = data.partition(b"data\n")
+    words = {line.split()[0]: line.split()[1:] for line in head.decode("ascii").splitlines() if line.strip()}
+    shape = [int(n) for n in words["dim"]]
+    scale, shift = float(words.get("scale", ["1"])[0]), np.array(words.get("translate", [0, 0, 0]), dtype=np.float64)
+    runs = np.frombuffer(body, dtype=np.uint8)
+    runs = runs[: len(runs) // 2 * 2].reshape(-1, 2)
+    if runs[:, 1].sum(dtype=np.int64) != np.prod(shape, dtype=np.int64):
+        raise UnreadableFile(str(file), "its runs do not fill the grid", "Copy or export the file again")
+    values = np.repeat(runs[:, 0], runs[:, 1]).reshape(shape).transpose(0, 2, 1)
+    spacing = np.full(3, scale / max(shape))
+    return Volume(spacing, shift + spacing / 2, np.eye(3), file.name, values)
+
+
+def _dicom(folder: Path) -> Volume:
+    try:
+        import SimpleITK as sitk
+    except ImportError as problem:
+        raise UnreadableFile(str(folder), "needs SimpleITK", "Install recon-brep[volumes]") from problem
+    series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
+    if len(series) != 1:
+        advice = "Put each series into a folder of its own" if series else "Name a folder of DICOM slices"
+        raise UnreadableFile(str(folder), f"holds {len(series)} DICOM series", advice)
+    try:
+        image = sitk.ReadImage(sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), series[0]))
+    except RuntimeError as problem:
+        raise UnreadableFile(str(folder), "its DICOM slices make no volume") from problem
+    direction = np.array(image.GetDirection()).reshape(3, 3)
+    values = sitk.GetArrayFromImage(image).transpose(2, 1, 0)
+    return Volume(np.array(image.GetSpacing()), np.array(image.GetOrigin()), direction, folder.name, values)
+
+
+_READERS: dict[str, Callable[[Path], Volume]] = {
+    ".npz": _npz,
+    ".npy": _npy,
+    ".nrrd": read_nrrd,
+    ".nhdr": read_nrrd,
+    ".nii": read_nifti,
+    ".nii.gz": read_nifti,
+    ".mha": read_metaimage,
+    ".mhd": read_metaimage,
+    ".tif": _tiff,
+    ".tiff": _tiff,
+    ".binvox": _binvox,
+    ".vti": read_vti,
+}
+VOLUME_ENDINGS = tuple(sorted(_READERS, key=len, reverse=True))

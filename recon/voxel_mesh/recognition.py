@@ -1,0 +1,229 @@
+"""From regions to the surfaces of a part: parallel directions made parallel, coplanar faces one plane, blends told.
+
+    region          vertices on one fitted surface           direction   planes and axes within 1.2 degrees share one
+    surface         distinct: one plane for all its regions  blend       a cylinder that touches two planes, its radius
+                                                                         fitted again under exact tangency
+What the grid leaves open of an offset or a radius is an interval: moved anywhere within it, the surface still passes
+between the solid and the empty end of all grid edges of its regions.
+
+All lengths in voxels.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from recon.geometry.analytic import AnalyticSurface, Blend, Cylinder, Plane
+from recon.voxel_mesh.fits import across
+from recon.voxel_mesh.regions import Region, SmoothSurface
+
+__all__ = ["Recognised", "recognised"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+PARALLEL = np.cos(np.radians(1.2))
+SAME_OFFSET = 0.15
+WITHIN, SHARE = 0.65, 0.85  # a region belongs to a surface that this share of its vertices is that near to
+TANGENT = 0.3  # of the radius: how far the first fit may miss the tangency that the second makes exact
+
+
+@dataclass(frozen=True, eq=False)
+class Recognised:
+    """Surfaces of a part.
+
+    surfaces  distinct, blends not among them
+    members   vertices of each surface's regions
+    blends    rounded edges between two of the planes; blend_members their vertices
+    """
+
+    surfaces: tuple[AnalyticSurface, ...]
+    members: tuple[Ints, ...]
+    blends: tuple[Blend, ...]
+    blend_members: tuple[Ints, ...]
+
+
+def recognised(s: SmoothSurface, regions: list[Region]) -> Recognised:
+    """The distinct surfaces under the regions."""
+    planes = [r for r in regions if isinstance(r.surface, Plane)]
+    others = [r for r in regions if not isinstance(r.surface, Plane)]
+    directions = _directions([(_normal(r), _scatter(s, r)) for r in planes])
+    flat = _distinct_planes(s, planes, directions)
+    blends, round_ones = _blends(s, others, flat)
+    round_ones = [_straightened(s, r, directions) for r in round_ones]
+    kept = _unabsorbed(s, [*flat, *round_ones], blends)
+    number = {id(r): k for k, r in enumerate(kept)}
+    told = [
+        (replace(b, first=number[id(flat[b.first])], second=number[id(flat[b.second])]), members)
+        for b, members in blends
+        if id(flat[b.first]) in number and id(flat[b.second]) in number
+    ]
+    return Recognised(
+        tuple(r.surface for r in kept),
+        tuple(r.vertices for r in kept),
+        tuple(b for b, _ in told),
+        tuple(m for _, m in told),
+    )
+
+
+def _normal(region: Region) -> Floats:
+    assert isinstance(region.surface, Plane)
+    return region.surface.normal_vector
+
+
+def _scatter(s: SmoothSurface, region: Region) -> Floats:
+    x = s.middle[region.vertices]
+    x = x - x.mean(axis=0)
+    return np.asarray(x.T @ x)
+
+
+def _directions(fits: list[tuple[Floats, Floats]]) -> list[Floats]:
+    """Directions shared by planes, best known first: each the normal that all its planes together ask for."""
+    open_ones = sorted(fits, key=lambda f: -np.trace(f[1]))
+    found: list[Floats] = []
+    while open_ones:
+        lead = open_ones[0][0]
+        group = [f for f in open_ones if abs(f[0] @ lead) >= PARALLEL]
+        open_ones = [f for f in open_ones if abs(f[0] @ lead) < PARALLEL]
+        found.append(np.linalg.eigh(np.sum([f[1] for f in group], axis=0))[1][:, 0])
+    return found
+
+
+def _distinct_planes(s: SmoothSurface, planes: list[Region], directions: list[Floats]) -> list[Region]:
+    """One region a plane: shared direction, own offset; regions whose offsets agree are one."""
+    turned = []
+    for region in planes:
+        along = max(directions, key=lambda d: abs(d @ _normal(region)))
+        normal = along if along @ _normal(region) > 0 else -along
+        turned.append((normal, float((s.middle[region.vertices] @ normal).mean()), region.vertices))
+    found: list[Region] = []
+    while turned:
+        normal, offset, _ = turned[0]
+        same = [abs(t[0] @ normal) > 1 - 1e-12 and abs(t[1] * (t[0] @ normal) - offset) <= SAME_OFFSET for t in turned]
+        members = np.concatenate([t[2] for t, is_same in zip(turned, same) if is_same])
+        turned = [t for t, is_same in zip(turned, same) if not is_same]
+        found.append(Region(Plane(normal, float((s.middle[members] @ normal).mean())), members))
+    return found
+
+
+def _straightened(s: SmoothSurface, region: Region, directions: list[Floats]) -> Region:
+    """A cylinder whose axis is parallel to a direction of the planes gets exactly that axis."""
+    surface = region.surface
+    if not isinstance(surface, Cylinder) or not directions:
+        return region
+    along = max(directions, key=lambda d: abs(d @ surface.axis))
+    if abs(along @ surface.axis) < PARALLEL:
+        return region
+    return Region(_circle(s.middle[region.vertices], along, surface), region.vertices)
+
+
+def _circle(x: Floats, axis: Floats, first: Cylinder) -> Cylinder:
+    """Cylinder with a given axis direction, by Gauss-Newton from a first one."""
+    e = np.stack(across(axis), axis=1)
+    p, centre, radius = x @ e, first.point @ e, first.radius
+    for _ in range(8):
+        arm = p - centre
+        size = np.linalg.norm(arm, axis=1)
+        jacobian = np.column_stack([-arm / size[:, None], -np.ones(len(p))])
+        step = np.linalg.lstsq(jacobian, radius - size, rcond=None)[0]
+        centre, radius = centre + step[:2], radius + step[2]
+    return Cylinder(e @ centre + (x @ axis).mean() * axis, axis, float(radius))
+
+
+def _blends(
+    s: SmoothSurface, regions: list[Region], planes: list[Region]
+) -> tuple[list[tuple[Blend, Ints]], list[Region]]:
+    """Blends with their vertices, and the round regions that are none."""
+    blends, rest = [], []
+    for region in regions:
+        found = _as_blend(s, region, planes) if isinstance(region.surface, Cylinder) else None
+        if found is None:
+            rest.append(region)
+        else:
+            blends.append((found, region.vertices))
+    return blends, rest
+
+
+def _as_blend(s: SmoothSurface, region: Region, planes: list[Region]) -> Blend | None:
+    cylinder = region.surface
+    assert isinstance(cylinder, Cylinder)
+    touching = [k for k, r in enumerate(planes) if _touches(cylinder, r.surface)]
+    x = s.middle[region.vertices]
+    # a sliver of a rounding may pass for a plane of its own: of the pairs that fit, the one of the larger planes
+    pairs = sorted(
+        ((a, b) for i, a in enumerate(touching) for b in touching[:i]),
+        key=lambda p: -min(len(planes[k].vertices) for k in p),
+    )
+    for a, b in pairs:
+        fit = _tangent_fit(x, cylinder, planes[a].surface, planes[b].surface)
+        if fit is not None:
+            return Blend(a, b, *fit)
+    return None
+
+
+def _touches(cylinder: Cylinder, plane: AnalyticSurface) -> bool:
+    assert isinstance(plane, Plane)
+    away = abs(float(plane.distance(cylinder.point[None])[0]))
+    return bool(
+        abs(cylinder.axis @ plane.normal_vector) < 0.1 and abs(away - cylinder.radius) < TANGENT * cylinder.radius
+    )
+
+
+def _tangent_fit(
+    x: Floats, cylinder: Cylinder, first: AnalyticSurface, second: AnalyticSurface
+) -> tuple[float, Floats] | None:
+    """Radius and middle of the cylinder that touches two planes exactly; None where it does not fit."""
+    assert isinstance(first, Plane) and isinstance(second, Plane)
+    normals = np.stack([first.normal_vector, second.normal_vector])
+    side = np.sign([p.distance(cylinder.point[None])[0] for p in (first, second)])
+    axis = np.cross(*normals)
+    if np.linalg.norm(axis) < 0.2 or side[0] != side[1]:
+        return None
+    axis = axis / np.linalg.norm(axis)
+    system = np.vstack([normals, axis])
+
+    def touching(radius: float) -> Cylinder:
+        wanted = np.append(np.array([first.offset, second.offset]) + side * radius, axis @ x.mean(axis=0))
+        return Cylinder(np.linalg.solve(system, wanted), axis, radius)
+
+    def square(radius: float) -> float:
+        return float((touching(radius).distance(x) ** 2).mean())
+
+    span = (0.5 * cylinder.radius, 1.6 * cylinder.radius)
+    radius = float(minimize_scalar(square, bounds=span, method="bounded", options={"xatol": 1e-5}).x)
+    away = touching(radius).distance(x)
+    if (np.abs(away) <= WITHIN).mean() < SHARE:
+        return None
+    return radius, x[int(np.abs((x - x.mean(axis=0)) @ axis).argmin())]
+
+
+def _unabsorbed(s: SmoothSurface, regions: list[Region], blends: list[tuple[Blend, Ints]]) -> list[Region]:
+    """Regions but those whose vertices lie on a larger region's surface, or on a blend's."""
+    by_size = sorted(regions, key=lambda r: -len(r.vertices))
+    cylinders = [_blend_cylinder(b, regions, s.middle[m]) for b, m in blends]
+    used = {k for b, _ in blends for k in (b.first, b.second)}
+    kept: list[Region] = []
+    for region in by_size:
+        x = s.middle[region.vertices]
+        larger: list[AnalyticSurface] = [r.surface for r in kept if len(r.vertices) > 2 * len(region.vertices)]
+        over = any((np.abs(o.distance(x)) <= WITHIN).mean() >= SHARE for o in [*larger, *cylinders])
+        needed = any(regions[k] is region for k in used)
+        if needed or not over:
+            kept.append(region)
+    return kept
+
+
+def _blend_cylinder(blend: Blend, planes: list[Region], x: Floats) -> Cylinder:
+    first, second = planes[blend.first].surface, planes[blend.second].surface
+    assert isinstance(first, Plane) and isinstance(second, Plane)
+    normals = np.stack([first.normal_vector, second.normal_vector])
+    axis = np.cross(*normals)
+    axis = axis / np.linalg.norm(axis)
+    # of the four cylinders that touch both planes, the one that the vertices lie on
+    candidates = []
+    for side in (-1.0, 1.0):
+        wanted = np.append(np.array([first.offset, second.offset]) + side * blend.radius, axis @ x.mean(axis=0))
+        candidates.append(Cylinder(np.linalg.solve(np.vstack([normals, axis]), wanted), axis, blend.radius))
+    return min(candidates, key=lambda c: float(np.abs(c.distance(x)).mean()))

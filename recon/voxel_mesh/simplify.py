@@ -1,0 +1,126 @@
+"""Fewer faces, by edge collapse, with what plain collapse does not promise: topology, no cuts, a bounded error.
+
+The bound is kept while edges collapse and verified when all is done, on other points.  Where the verification still
+finds a place beyond it, or two faces that cut each other, the vertices around are locked and all is done once more.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from recon.errors import Refusal
+from recon.numerics.closed_mesh import opposite_halfedges
+from recon.numerics.distance import closest_points, sample_surface
+from recon.numerics.quadrics import vertex_quadrics
+from recon.numerics.self_intersection import crossing_triangles
+from recon.voxel_mesh.cell_lookup import cell_lookup
+from recon.voxel_mesh.edge_collapse import collapse_edges, collapse_mesh
+from recon.voxel_mesh.edge_heap import edge_heap
+from recon.voxel_mesh.error_bound import face_bound, no_bound
+from recon.voxel_mesh.marching_cubes import GridSurface
+
+__all__ = ["Goal", "Simplified", "simplified"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+REGULARISER = 1e-9  # larger ones mix up the order of collapses that cost nothing, and with it every edge of the part
+MARGIN = 0.02  # voxels kept back while collapsing, for what lies between samples
+PROBES = 40_000  # points a way for the verification
+ROUNDS = 6
+REACH = 2.0  # voxels around a bad place that are locked, doubled each round
+
+
+@dataclass(frozen=True)
+class Goal:
+    """When to stop.
+
+    n_faces    faces that are few enough
+    tolerance  largest distance from the grid's surface, both ways, in voxels; None leaves it open
+    """
+
+    n_faces: int = 4
+    tolerance: float | None = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Simplified:
+    """The surface with fewer faces.
+
+    vertices       (V, 3) in voxels
+    face_vertices  (F, 3)
+    errors         (n,) distances found between the two surfaces, both ways, in voxels
+    features_kept  feature vertices that are still there
+    rounds         times that all was done
+    """
+
+    vertices: Floats
+    face_vertices: Ints
+    errors: Floats
+    features_kept: int
+    rounds: int
+
+
+def simplified(
+    surface: GridSurface,
+    proportions: Floats,
+    goal: Goal,
+    *,
+    feature: Bools | None = None,
+    doing: Callable[[str], None] = lambda text: None,
+) -> Simplified:
+    """Collapse edges of a grid's surface until the goal is met, or nothing more may collapse.
+
+    feature   (V,) vertices that stay where they are, and never collapse with one another
+    Promises  closed, manifold, bodies, cavities and genus as before, no two faces cut each other, no error beyond the
+              tolerance found.
+    Raises    Refusal when cuts or errors remain after several rounds.
+    """
+    vertices, faces = surface.vertices, surface.face_vertices
+    feature = np.zeros(len(vertices), dtype=bool) if feature is None else feature
+    locked = np.zeros(len(vertices), dtype=bool)
+    twin = opposite_halfedges(vertices, faces, "surface of the grid")
+    look = cell_lookup(surface, proportions)
+    quadric = vertex_quadrics(vertices, faces, regulariser=REGULARISER)
+    tree = None
+    for number in range(ROUNDS):
+        mesh = collapse_mesh(vertices, faces, twin, quadric=quadric.copy(), locked=locked, feature=feature)
+        bound = no_bound() if goal.tolerance is None else face_bound(vertices, faces, _inner(goal.tolerance))
+        collapse_edges(mesh, edge_heap(len(mesh.half)), bound, look, len(faces), goal.n_faces)
+        doing("verifying the error")
+        places, rows = _living(mesh.place, mesh.corner)
+        errors, bad = _verified((places, rows), (vertices, faces), goal.tolerance)
+        if not len(bad):
+            kept = int((feature & mesh.feature & (mesh.out >= 0)).sum())
+            return Simplified(places, rows, errors, kept, number + 1)
+        doing(f"collapsing again around {len(bad)} places")
+        tree = tree or cKDTree(vertices)
+        for near in tree.query_ball_point(bad, REACH * 2**number):
+            locked[near] = True
+    raise Refusal(f"after {ROUNDS} rounds {len(bad)} places still break the bound; allow a larger --tolerance.")
+
+
+def _inner(tolerance: float) -> float:
+    return max(tolerance - MARGIN, 0.5 * tolerance)
+
+
+def _living(place: Floats, corner: NDArray[np.int32]) -> tuple[Floats, Ints]:
+    rows = corner.reshape(-1, 3)
+    used, numbers = np.unique(rows[rows[:, 0] >= 0], return_inverse=True)
+    return place[used], numbers.reshape(-1, 3).astype(np.int64)
+
+
+def _verified(one: tuple[Floats, Ints], other: tuple[Floats, Ints], tolerance: float | None) -> tuple[Floats, Floats]:
+    """Distances of points spread over both surfaces, and the places where a promise is broken."""
+    _, cuts = crossing_triangles(*one)
+    there, back = sample_surface(*other, PROBES), sample_surface(*one, PROBES)
+    back = np.concatenate([back, one[0]])
+    errors = np.concatenate([closest_points(there, *one).distances, closest_points(back, *other).distances])
+    if tolerance is None:
+        return errors, cuts
+    beyond = np.concatenate([there, back])[errors > tolerance]
+    return errors, np.concatenate([cuts, beyond])

@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from recon.hole_patch.confidence import BOUND, SHARE, Confidence, confidence
+from recon.hole_patch.pipeline import MissingPiece, PatchMethod, PatchOptions, patch_hole
+from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
+from recon.numerics.distance import closest_points
+
+Floats = NDArray[np.float64]
+Marked = tuple[BrokenVessel, MissingPiece, Confidence]
+
+VESSELS = (VesselOptions(seed=1), VesselOptions(edge=1.4, seed=3, relief=0.0))
+
+
+@pytest.fixture(scope="module")
+def marked() -> list[Marked]:
+    vessels = [broken_vessel(options) for options in VESSELS]
+    pieces = [patch_hole(vessel.sherds) for vessel in vessels]
+    return [(vessel, piece, confidence(piece)) for vessel, piece in zip(vessels, pieces)]
+
+
+def errors_in_sigmas(vessel: BrokenVessel, trust: Confidence) -> Floats:
+    """Distance of points of both walls from the lost sherd, relief and all, in units of what was expected."""
+    shares = []
+    for wall in (trust.outer, trust.inner):
+        assert wall is not None
+        points = wall.surface.point(wall.places)
+        off = closest_points(points, vessel.lost.vertices, vessel.lost.face_vertices).distances
+        shares.append(off / wall.at_parameters(wall.places))
+    return np.concatenate(shares)
+
+
+def test_the_stated_share_of_points_lies_within_the_stated_bound(marked: list[Marked]) -> None:
+    off = np.concatenate([errors_in_sigmas(vessel, trust) for vessel, _, trust in marked])
+    assert (off < BOUND).mean() >= SHARE
+    assert np.median(off) > 0.2  # 0.67 of a normal law; a bound that is kept because it is wide would say nothing
+
+
+def test_the_edge_is_known_and_the_middle_is_not(marked: list[Marked]) -> None:
+    _, piece, trust = marked[0]
+    loop = piece.outer.trimmed.loops[0].polygon()
+    at_edge, in_middle = trust.outer.at_parameters(loop), trust.outer.at_parameters(loop.mean(axis=0)[None])
+    assert np.median(at_edge) < 0.5 * in_middle
+    assert in_middle == pytest.approx(trust.outer.scatter, rel=0.5)
+
+
+def test_relief_that_is_not_continued_is_marked_as_invented(marked: list[Marked]) -> None:
+    with_cords, without = marked[0][2], marked[1][2]
+    assert np.median(with_cords.outer.at_parameters(with_cords.outer.places)) > 2.0 * np.median(
+        without.outer.at_parameters(without.outer.places)
+    )
+
+
+def test_points_of_the_piece_are_asked_wherever_they_lie(marked: list[Marked]) -> None:
+    _, piece, trust = marked[0]
+    assert trust.inner is not None and piece.around.fracture is not None
+    for wall in (trust.outer, trust.inner):
+        on_wall = wall.surface.point(wall.places)
+        np.testing.assert_allclose(trust.at(on_wall), wall.at_parameters(wall.places), rtol=1e-3)
+    fracture = piece.around.fracture.corners().mean(axis=1)
+    between = fracture[trust.at(fracture) < 1.001 * trust.outer.missed]
+    assert len(between) > 0.5 * len(fracture)  # measured; the rest lies so near a wall that it counts as wall
+
+
+def test_each_sherd_at_the_hole_was_left_out_once(marked: list[Marked]) -> None:
+    _, piece, trust = marked[0]
+    beside = piece.around.outer.edge.sherds
+    assert trust.outer.n_left_out == len(np.unique(beside[beside >= 0]))
+
+
+def test_one_scan_with_a_hole_has_no_sherd_to_spare() -> None:
+    vessel = broken_vessel(VesselOptions(edge=2.5, relief=0.0, misplacement=0.0, noise=0.0))
+    joined = vessel.plain.part(
+        closest_points(vessel.plain.corners().mean(axis=1), vessel.lost.vertices, vessel.lost.face_vertices).distances
+        > 1.0
+    )
+    outside = joined.part(np.einsum("ij,ij->i", joined.area_vectors()[:, :2], joined.corners().mean(axis=1)[:, :2]) > 0)
+    trust = confidence(patch_hole([outside]))
+    assert trust.outer.n_left_out == 0
+    assert np.isfinite(trust.over_walls()).all() and trust.inner is None
+
+
+def test_the_box_says_that_it_knows_less(marked: list[Marked]) -> None:
+    vessel, _, wheel = marked[1]
+    box = confidence(patch_hole(vessel.outer_walls, PatchOptions(method=PatchMethod.BOX, settle=False)))
+    assert np.median(box.over_walls()) > 2.0 * np.median(wheel.outer.at_parameters(wheel.outer.places))

@@ -1,0 +1,39 @@
+"""Grids with known shapes, for tests."""
+
+import numpy as np
+
+from recon.geometry.voxel_grid import VoxelGrid
+
+OFF = np.array([0.137, 0.241, 0.359])
+
+
+def centres(n: int, spacing=(1.0, 1.0, 1.0)) -> np.ndarray:
+    """(X, Y, Z, 3) places of the centres of a cube of side n, its middle near the origin."""
+    counts = [round(n / s) for s in spacing]
+    axes = [(np.arange(c) - 0.5 * c) * s + o for c, s, o in zip(counts, spacing, OFF)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def random_grid(seed: int, shape=(9, 10, 11)) -> VoxelGrid:
+    rng = np.random.default_rng(seed)
+    return VoxelGrid(solid=rng.random(shape) < rng.uniform(0.15, 0.85), name="noise")
+
+
+def ball(n: int, radius: float, spacing=(1.0, 1.0, 1.0)) -> VoxelGrid:
+    x = centres(n, spacing)
+    return VoxelGrid(np.array(spacing), np.zeros(3), np.eye(3), "ball", (x**2).sum(axis=-1) < radius**2)
+
+
+def block_with_hole(n: int, turn: np.ndarray | None = None) -> VoxelGrid:
+    """A block of 0.7 x 0.5 x 0.4 n with a hole of radius 0.12 n along its second axis."""
+    x = centres(n) @ (np.eye(3) if turn is None else turn)
+    block = (np.abs(x) < np.array([0.35, 0.25, 0.2]) * n).all(axis=-1)
+    hole = (x[..., 0] - 0.1 * n) ** 2 + x[..., 2] ** 2 < (0.12 * n) ** 2
+    return VoxelGrid(solid=block & ~hole, name="block with a hole")
+
+
+def rotation(axis, degrees: float) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    axis = np.asarray(axis, dtype=float)
+    return Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis)).as_matrix()
