@@ -10,6 +10,7 @@ import numpy as np
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.deliver import gate, write_files
+from brep_export.app.outputs import check_destinations
 from brep_export.app.result import result
 from brep_export.app.workshop import Bench, Exit
 from brep_export.blocks import block_solid, side_by_side
@@ -86,6 +87,8 @@ def _check_request(request: Mapping[str, Any]) -> None:
         raise BadOption("--contours", f"say at which interval the contours in {_line_files(request)[0]} lie")
     if request["contours"] is not None and not _line_files(request):
         raise BadOption("--contours", "name a .geojson file with -o for the contours")
+    sidecars = [_sidecar(path) for path in _shape_files(request)]
+    check_destinations({**request, "outputs": sidecars, "endings": (".json",), "picture": None, "report": None})
 
 
 def _line_files(request: Mapping[str, Any]) -> list[str]:
@@ -97,7 +100,8 @@ def _shape_files(request: Mapping[str, Any]) -> list[str]:
 
 
 def _sidecar(path: str) -> str:
-    return str(Path(path).with_suffix(".json"))
+    """Beside an output, under its whole name: the map's own file may well be called hill.json."""
+    return f"{path}.json"
 
 
 def _read(request: Mapping[str, Any]) -> ContourMap:

@@ -60,7 +60,15 @@ def test_a_base_inside_the_ground_leaves_an_island_and_contours_come_beside_it(h
     assert result["kernel"]["bounding_box"][0][2] == pytest.approx(23, abs=1e-3)
     heights = {feature["properties"]["elevation"] for feature in json.loads(lines.read_text())["features"]}
     assert {25.0, 30.0} <= heights
-    assert json.loads((tmp_path / "island.json").read_text())["origin"] == result["room"]["origin"]
+    assert json.loads((tmp_path / "island.step.json").read_text())["origin"] == result["room"]["origin"]
+
+
+def test_what_is_written_beside_never_replaces_the_map(hill, tmp_path):
+    grid = tmp_path / "map.step.json"
+    grid.write_bytes(hill[0].read_bytes())
+    answer = run(grid, "--interval", 10, "--base-depth", 5, "-o", tmp_path / "map.step")
+    assert answer.exit_code == 2 and "never written to" in answer.output
+    assert grid.read_bytes() == hill[0].read_bytes() and not (tmp_path / "map.step").exists()
 
 
 def test_a_scale_makes_a_model_of_that_size(hill, tmp_path):
