@@ -91,6 +91,11 @@ def _fitted_quads(scan: TriangleMesh, options: FitOptions, *, doing: Callable[[s
     for _ in range(DOUBLINGS):
         doing(f"laying about {count} quadrilaterals over the scan")
         start = remeshed_quads(whole, count)
+        for _ in range(DOUBLINGS):
+            if options.control_points is None or start.n_vertices <= options.control_points:
+                break
+            count = int(0.95 * count * options.control_points / start.n_vertices)
+            start = remeshed_quads(whole, count)
         chosen = replace(options, start=start, plain=True, control_points=start.n_vertices)
         fitted = fit_surface(scan, chosen, doing=doing)
         reached = options.tolerance is None or float(fitted.distances.max()) <= options.tolerance
