@@ -27,10 +27,10 @@ demo: $(READY)
 	$(BIN)/recon demo
 
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 test-all: $(READY)
-	HYPOTHESIS_PROFILE=searching $(BIN)/python -m pytest -m 'slow or not slow'
+	HYPOTHESIS_PROFILE=searching $(BIN)/python -m pytest --numprocesses auto --dist worksteal -m 'slow or not slow'
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

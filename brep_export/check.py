@@ -6,7 +6,8 @@ reported beside its cause.
 
     1  every shell closed, in one piece, and marked so      shell-open  shell-in-pieces  shell-flag  no-solid  no-shell
     2  every edge used twice, in opposite directions        edge-overused  face-flipped  free-edge
-    3  the kernel's check; tolerance >= gap; <= asked for   kernel-invalid  edge-gap  vertex-gap  tolerance
+    3  the kernel's check; tolerance >= gap; <= asked for;  kernel-invalid  edge-gap  vertex-gap  tolerance
+       smooth edges smooth to the angle asked for           edge-angle
     4  triangles: all faces, closed, oriented, no cuts      face-without-triangles  mesh-...  self-intersection
     5  volume positive, and the triangles agree             inside-out  volume-mismatch
     6  the point at infinity is outside                     infinity-inside
@@ -20,16 +21,18 @@ from math import degrees, dist
 
 import numpy as np
 from numpy.typing import NDArray
+from OCP.BRep import BRep_Tool
 from OCP.BRepCheck import BRepCheck_Status
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.TopAbs import TopAbs_State
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.check_geometry import (
+    angle_defects,
+    edge_angles,
     edge_gaps,
     gap_defects,
     kernel_defects,
-    max_edge_angle,
     max_tolerance,
     tolerance_defects,
 )
@@ -54,6 +57,17 @@ __all__ = ["CheckReport", "ShapeKind", "check"]
 
 Point = tuple[float, float, float]
 
+# what each line of the gate says of a shape that passes it, and the beginnings of the codes of its defects
+LINES = (
+    ("every shell is closed and in one piece", ("shell-", "no-", "not-a-", "beside-solids", "kernel-failure")),
+    ("every edge is used twice, in opposite directions", ("edge-overused", "face-flipped", "free-edge")),
+    ("the kernel's check passes, and tolerances cover the gaps", ("kernel-invalid", "edge-gap", "vertex-gap", "toler")),
+    ("the triangles close and do not cut each other", ("face-without-triangles", "mesh-", "self-intersection")),
+    ("the volume is positive, and the triangles agree", ("inside-out", "volume-mismatch")),
+    ("the point at infinity is outside", ("infinity-",)),
+    ("the file reads back as what was written", ("read-back-",)),
+)
+
 
 @dataclass(frozen=True, eq=False)
 class CheckReport:
@@ -61,7 +75,8 @@ class CheckReport:
 
     defects        every broken line, each with its place
     max_gap        largest distance between an edge and its faces or vertices
-    max_edge_angle radians, between tangent planes along inner edges; reported, never judged
+    max_edge_angle radians, between tangent planes along inner edges, sharp ones too
+    max_smooth_edge_angle  the same along those that the shape says are smooth; None where it says so of none
     triangulation  the triangles of the shape, for pictures and mesh files
     free_edges     polylines of the edges with one face
     """
@@ -74,6 +89,7 @@ class CheckReport:
     max_tolerance: float = 0.0
     max_gap: float = 0.0
     max_edge_angle: float = 0.0
+    max_smooth_edge_angle: float | None = None
     self_intersections: int = 0
     triangulation: TriangleMesh | None = None
     free_edges: tuple[tuple[Point, ...], ...] = ()
@@ -123,9 +139,19 @@ class CheckReport:
             "max_tolerance": self.max_tolerance,
             "max_gap": self.max_gap,
             "max_edge_angle_deg": degrees(self.max_edge_angle),
+            "max_smooth_edge_angle_deg": None
+            if self.max_smooth_edge_angle is None
+            else degrees(self.max_smooth_edge_angle),
             "self_intersections": self.self_intersections,
             "read_back": self.read_back.as_json() if self.read_back else None,
+            "gate": [{"line": line, "passed": passed} for line, passed in self.lines()],
         }
+
+    def lines(self) -> tuple[tuple[str, bool | None], ...]:
+        """Every line of the gate and whether it passed; None for the last one where no file was read back."""
+        codes = [defect.code for defect in self.defects]
+        judged = [(line, not any(code.startswith(begin) for code in codes)) for line, begin in LINES]
+        return (*judged[:-1], (LINES[-1][0], judged[-1][1] if self.read_back else None))
 
 
 def check(
@@ -137,7 +163,8 @@ def check(
 ) -> CheckReport:
     """Draw every line of the gate that applies; never raises on a bad shape, and never changes it.
 
-    expect      SOLID: one or several solids and nothing else; SHELL, FACE: one, open or closed; COMPOUND: any mixture
+    expect      SOLID: one or several solids and nothing else; SHELL, FACE, EDGE: one, open or closed; COMPOUND: any
+                mixture with faces
     deflection  length, how far triangles may stay from the faces; a thousandth of the diagonal when None
     """
     if shape.IsNull():
@@ -151,17 +178,20 @@ def check(
 
 def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, deflection: float | None) -> CheckReport:
     uses = edge_uses(shape)
+    if not uses.faces and expect is ShapeKind.EDGE:
+        return _drawn_edge(shape, tolerance)
     if not uses.faces:
         return CheckReport(expect, None, (Defect("no-face", "the shape has no faces"),))
     measures = measure(shape)
     closing = closing_defects(uses)
     structure = closing + edge_use_defects(uses) + ([] if closing else _free_edge_defects(uses))
-    gaps = edge_gaps(uses)
+    gaps, angles = edge_gaps(uses), edge_angles(uses)
     fit = gap_defects(uses, gaps) + tolerance_defects(uses, shape, tolerance.fit)
     valid, invalid = kernel_defects(shape, _explained(structure + fit))
     deflection = deflection or max(1e-3 * dist(*measures.bounding_box), 1e-9)
     triangles, mesh_defects, cuts = _triangulation_defects(shape, uses, deflection, closes=not structure)
     defects = _kind_defects(uses, expect) + structure + fit + invalid + mesh_defects
+    defects += angle_defects(uses, angles, tolerance.angle)
     if not structure and not triangles.missing and uses.is_solid.any():
         defects += _volume_defects(measures, triangles, uses, deflection)
     free = uses.free_edges()
@@ -173,11 +203,25 @@ def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, defl
         closed=not free and not structure,
         max_tolerance=max_tolerance(shape),
         max_gap=gaps.largest(),
-        max_edge_angle=max_edge_angle(uses),
+        max_edge_angle=angles.overall(),
+        max_smooth_edge_angle=angles.over_smooth_edges(),
         self_intersections=cuts,
         triangulation=triangles.mesh,
         free_edges=tuple(tuple(edge_polyline(edge)) for edge in free),
     )
+
+
+def _drawn_edge(shape: TopoDS_Shape, tolerance: Tolerance) -> CheckReport:
+    """What applies to a curve alone: the kernel's check and the tolerances."""
+    measures = measure(shape)
+    if measures.kind is not ShapeKind.EDGE:
+        return CheckReport(ShapeKind.EDGE, measures, (Defect("not-an-edge", "the shape is not one edge"),))
+    valid, invalid = kernel_defects(shape)
+    widest = max_tolerance(shape)
+    wide = Defect("tolerance", "a tolerance above the one asked for", None, widest, tolerance.fit)
+    defects = invalid + ([wide] if widest > tolerance.fit else [])
+    closed = bool(BRep_Tool.IsClosed_s(shape))
+    return CheckReport(ShapeKind.EDGE, measures, tuple(defects), valid=valid, closed=closed, max_tolerance=widest)
 
 
 def _kind_defects(uses: EdgeUses, expect: ShapeKind) -> list[Defect]:

@@ -9,7 +9,7 @@ angle  between the tangent planes of two faces at a point of their common edge; 
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from math import atan2, inf
+from math import degrees, inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Status
 from OCP.BRepLib import BRepLib_ValidateEdge
-from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
+from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_Shape, GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
@@ -35,7 +35,9 @@ __all__ = [
     "kernel_defects",
     "max_tolerance",
     "tolerance_defects",
-    "max_edge_angle",
+    "EdgeAngles",
+    "angle_defects",
+    "edge_angles",
 ]
 
 Floats = NDArray[np.float64]
@@ -195,20 +197,60 @@ def _place(part: TopoDS_Shape) -> Point | None:
     return None if vertex is None else BRep_Tool.Pnt_s(TopoDS.Vertex_s(vertex)).Coord()
 
 
-def max_edge_angle(uses: EdgeUses, n: int = 7) -> float:
-    """The largest angle in radians between tangent planes along the edges that two faces, or a seam, share.
+@dataclass(frozen=True, eq=False)
+class EdgeAngles:
+    """Angles in radians between tangent planes along edges that two faces, or a seam, share.
+
+    edges    (K,) those edges
+    largest  (K,) the largest angle along each
+    smooth   (K,) whether the shape says that its faces join smoothly there
+    """
+
+    edges: NDArray[np.int64]
+    largest: Floats
+    smooth: NDArray[np.bool_]
+
+    def overall(self) -> float:
+        """The largest angle of all; 0 for a shape without inner edges."""
+        return float(self.largest.max(initial=0.0))
+
+    def over_smooth_edges(self) -> float | None:
+        """The largest along edges that are said to be smooth; None where none is."""
+        return float(self.largest[self.smooth].max()) if self.smooth.any() else None
+
+
+def edge_angles(uses: EdgeUses, n: int = 7) -> EdgeAngles:
+    """Measure along every inner edge.
 
     n  samples an edge; those where a surface has no normal (the tip of a cone) are left out
     """
     rows = _inner_edge_uses(uses)
     if not len(rows):
-        return 0.0
+        return EdgeAngles(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=bool))
     surfaces = {f: _surface(uses.faces[f]) for f in np.unique(uses.face[rows])}
-    one, other = (np.array([_normals(uses, use, surfaces, n) for use in column]) for column in rows.T)
-    sine = np.linalg.norm(np.cross(one, other), axis=2)
+    one, other = (_normals(np.array([_tangents(uses, use, surfaces, n) for use in column])) for column in rows.T)
+    sine = np.linalg.norm(_cross(one, other), axis=2)
     cosine = np.einsum("eij,eij->ei", one, other)
-    angles = np.array([atan2(s, c) for s, c in zip(sine.ravel(), cosine.ravel()) if s > 0.0 or c != 0.0])
-    return float(angles.max()) if len(angles) else 0.0
+    angles = np.where((sine > 0.0) | (cosine != 0.0), np.arctan2(sine, cosine), 0.0)
+    smooth = [_is_smooth(uses.edges[uses.edge[a]], uses.faces[uses.face[a]], uses.faces[uses.face[b]]) for a, b in rows]
+    return EdgeAngles(uses.edge[rows[:, 0]], angles.max(axis=1), np.array(smooth))
+
+
+def _is_smooth(edge: TopoDS_Edge, one: TopoDS_Face, other: TopoDS_Face) -> bool:
+    if one.IsSame(other) or not BRep_Tool.HasContinuity_s(edge, one, other):
+        return False
+    return bool(BRep_Tool.Continuity_s(edge, one, other).value >= GeomAbs_Shape.GeomAbs_G1.value)
+
+
+def angle_defects(uses: EdgeUses, angles: EdgeAngles, allowed: float) -> list[Defect]:
+    """An edge that is said to be smooth, and along which the tangent planes differ by more than allowed."""
+    judged = np.where(angles.smooth, angles.largest, 0.0)
+    if judged.max(initial=0.0) <= allowed:
+        return []
+    worst = int(np.argmax(judged))
+    points = edge_polyline(uses.edges[angles.edges[worst]], 3)
+    sentence = "tangent planes differ along an edge that is said to be smooth, in degrees"
+    return [Defect("edge-angle", sentence, points[len(points) // 2], degrees(judged[worst]), degrees(allowed))]
 
 
 def _inner_edge_uses(uses: EdgeUses) -> NDArray[np.int64]:
@@ -223,33 +265,48 @@ def _inner_edge_uses(uses: EdgeUses) -> NDArray[np.int64]:
     return np.stack([order[first], order[first + 1]], axis=1)
 
 
-def _normals(uses: EdgeUses, use: int, surfaces: dict[int, BRepAdaptor_Surface | None], n: int) -> Floats:
-    """(n, 3) unit normals of the face along one use of an edge, pointing out of the body; zero where there is none."""
+def _tangents(
+    uses: EdgeUses, use: int, surfaces: dict[int, BRepAdaptor_Surface | None], n: int
+) -> list[tuple[float, ...]]:
+    """Two tangent vectors, in one row of 6 numbers, of the face at n places along one use of an edge.
+
+    Their cross product points out of the body; it is zero where the face is not known there.
+    """
     edge, face = uses.use_edges[use], uses.faces[uses.face[use]]
     surface = surfaces[int(uses.face[use])]
     if surface is None or BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) is None:
-        return np.zeros((n, 3))
-    sign = -1.0 if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
+        return [(0.0,) * 6] * n
+    reverse = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
     if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
-        plane = surface.Plane()
-        normal = plane.Axis().Direction().XYZ().Multiplied(sign if plane.Direct() else -sign)
-        return np.tile(normal.Coord(), (n, 1))
+        position = surface.Plane().Position()
+        axes = (position.XDirection().Coord(), position.YDirection().Coord())
+        return [axes[1] + axes[0] if reverse else axes[0] + axes[1]] * n
     curve = BRepAdaptor_Curve2d(edge, face)
-    # the very ends of an edge may lie on a collapsed side, where a normal is all rounding
-    t = np.linspace(0.001, 0.999, n) * (curve.LastParameter() - curve.FirstParameter()) + curve.FirstParameter()
+    first, last = curve.FirstParameter(), curve.LastParameter()
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    pair = (along_v, along_u) if reverse else (along_u, along_v)
     rows = []
-    for parameter in t.tolist():
-        on_face = curve.Value(parameter)
+    for k in range(n):
+        # the very ends of an edge may lie on a collapsed side, where a normal is all rounding
+        on_face = curve.Value(first + (0.001 + 0.998 * k / (n - 1)) * (last - first))
         surface.D1(on_face.X(), on_face.Y(), point, along_u, along_v)
-        rows.append((along_u.X(), along_u.Y(), along_u.Z(), along_v.X(), along_v.Y(), along_v.Z()))
-    table = np.array(rows)
-    normals = sign * np.cross(table[:, :3], table[:, 3:])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    least = (
-        1e-9 * np.linalg.norm(table[:, :3], axis=1, keepdims=True) * np.linalg.norm(table[:, 3:], axis=1, keepdims=True)
-    )
-    return np.where(length > least, normals / np.where(length > 0.0, length, 1.0), 0.0)
+        rows.append(pair[0].Coord() + pair[1].Coord())
+    return rows
+
+
+def _normals(tangents: Floats) -> Floats:
+    """(..., 3) unit normals from pairs of tangents (..., 6); zero where these are parallel but for rounding."""
+    one, other = tangents[..., :3], tangents[..., 3:]
+    normals = _cross(one, other)
+    length, sizes = np.linalg.norm(normals, axis=-1), np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    sound = length > 1e-9 * sizes
+    return np.asarray(normals * np.divide(1.0, length, out=np.zeros_like(length), where=sound)[..., None])
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Cross products of (..., 3) vectors, without the bookkeeping that makes numpy's slow on small arrays."""
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 _CHECKED = (

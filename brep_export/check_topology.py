@@ -50,6 +50,7 @@ class ShapeKind(StrEnum):
     SOLID = "solid"
     SHELL = "shell"
     FACE = "face"
+    EDGE = "edge"
     COMPOUND = "compound"
 
 

@@ -1,33 +1,44 @@
 """How large a shape is, how many parts it has, and what kind it is.
 
-Volumes are integrated by Gauss-Kronrod rules.  The kernel's adaptive Gauss integration, the one that takes an epsilon
-alone, was wrong by up to 9 % on faces bounded by one long spline edge while it reported an error of 1e-8, and its
-plain integration by 1 %; see `measure`.
+Volumes are integrated here where faces are B-splines, exactly from their control points, and by the kernel's
+Gauss-Kronrod rules elsewhere.  The kernel's adaptive Gauss integration, the one that takes an epsilon alone, was wrong
+by up to 9 % on faces bounded by one long spline edge while it reported an error of 1e-8, its plain integration by 1 %,
+and its Gauss-Kronrod rules by 0.1 %, in a hundred times the time.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 
+import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepGProp import BRepGProp
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from brep_export.check_topology import ShapeKind, sub_shapes
+from brep_export.face_moments import face_moments
 
 __all__ = ["ShapeMeasures", "measure", "kind_of", "count"]
 
 Point = tuple[float, float, float]
 
-_SOLID, _SHELL, _FACE, _EDGE = (
+_Figures = tuple[tuple[float, ...], float, Point]
+
+_SOLID, _SHELL, _FACE, _EDGE, _VERTEX = (
     TopAbs_ShapeEnum.TopAbs_SOLID,
     TopAbs_ShapeEnum.TopAbs_SHELL,
     TopAbs_ShapeEnum.TopAbs_FACE,
     TopAbs_ShapeEnum.TopAbs_EDGE,
+    TopAbs_ShapeEnum.TopAbs_VERTEX,
 )
 
 
@@ -60,37 +71,59 @@ class ShapeMeasures:
 def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3) -> ShapeMeasures:
     """Measure a shape with the kernel's own geometry.
 
-    relative_error  of the volume of a face, asked of the Gauss-Kronrod rule; what comes out is usually ten times better
+    relative_error  of the volume of faces that are no B-splines, asked of the Gauss-Kronrod rule
     """
     solids = list(sub_shapes(shape, _SOLID))
-    of_area, of_volume = GProp_GProps(), GProp_GProps()
-    BRepGProp.SurfaceProperties_s(shape, of_area)
-    for solid in solids:
-        BRepGProp.VolumeProperties_s(
-            solid, of_volume
-        )  # for the centroid, which takes Gauss-Kronrod three times as long
-    centre = (of_volume if solids else of_area).CentreOfMass()
+    by_face = any(_is_spline(TopoDS.Face_s(face)) for face in sub_shapes(shape, _FACE))
+    volumes, area, centre = (_of_faces if by_face else _of_shape)(shape, solids, relative_error)
     return ShapeMeasures(
         kind_of(shape),
         len(solids),
         count(shape, _SHELL),
         count(shape, _FACE),
         _count_edges(shape),
-        tuple(_volume(solid, relative_error) for solid in solids),
-        float(of_area.Mass()),
-        (centre.X(), centre.Y(), centre.Z()),
+        volumes,
+        area,
+        centre,
         _bounding_box(shape),
     )
 
 
-def _volume(solid: TopoDS_Shape, relative_error: float) -> float:
-    properties = GProp_GProps()
-    BRepGProp.VolumePropertiesGK_s(solid, properties, relative_error, False, False, False, False, False)
-    return float(properties.Mass())
+def _is_spline(face: TopoDS_Face) -> bool:
+    return BRepAdaptor_Surface(face, False).GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
+
+
+def _of_shape(shape: TopoDS_Shape, solids: Sequence[TopoDS_Shape], relative_error: float) -> _Figures:
+    """Volumes, area and centre as the kernel finds them, all faces at once."""
+    of_area, of_volume = GProp_GProps(), GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, of_area)
+    volumes = []
+    for solid in solids:
+        BRepGProp.VolumeProperties_s(solid, of_volume)  # for the centre, near enough
+        properties = GProp_GProps()
+        BRepGProp.VolumePropertiesGK_s(solid, properties, relative_error, False, False, False, False, False)
+        volumes.append(float(properties.Mass()))
+    return tuple(volumes), float(of_area.Mass()), _coordinates((of_volume if solids else of_area).CentreOfMass())
+
+
+def _of_faces(shape: TopoDS_Shape, solids: Sequence[TopoDS_Shape], relative_error: float) -> _Figures:
+    """The same from cones over the faces of every solid, and from the faces outside all solids."""
+    low, high = _rough_box(shape)
+    apex = (low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2
+    bodies = [[TopoDS.Face_s(face) for face in sub_shapes(solid, _FACE)] for solid in solids]
+    loose = [TopoDS.Face_s(face) for face in sub_shapes(shape, _FACE, _SOLID)]
+    found = [face_moments(faces, apex, relative_error) for faces in (*bodies, loose)]
+    volumes = tuple(body.volume for body in found[: len(solids)])
+    area = sum(body.area for body in found)
+    if sum(volumes) != 0.0:
+        away = sum((body.volume_moment for body in found[: len(solids)]), np.zeros(3)) / sum(volumes)
+    else:
+        away = sum((body.area_moment for body in found), np.zeros(3)) / max(area, 1e-300)
+    return volumes, area, (apex[0] + float(away[0]), apex[1] + float(away[1]), apex[2] + float(away[2]))
 
 
 def kind_of(shape: TopoDS_Shape) -> ShapeKind:
-    """What a shape is by its contents: one solid, one shell or one face, whatever it is wrapped in; else a compound."""
+    """What a shape is by its contents: one solid, shell, face or edge, whatever it is wrapped in; else a compound."""
     solids, shells, faces = count(shape, _SOLID), count(shape, _SHELL), count(shape, _FACE)
     loose_shells = _loose(shape, _SHELL, _SOLID)
     loose_faces = _loose(shape, _FACE, _SHELL)
@@ -98,6 +131,8 @@ def kind_of(shape: TopoDS_Shape) -> ShapeKind:
         return ShapeKind.SOLID
     if solids == 0 and shells == 1 and not loose_faces:
         return ShapeKind.SHELL
+    if faces == 0 and count(shape, _EDGE) == 1:
+        return ShapeKind.EDGE
     return ShapeKind.FACE if solids == shells == 0 and faces == 1 else ShapeKind.COMPOUND
 
 
@@ -121,9 +156,43 @@ def _loose(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnu
 
 
 def _bounding_box(shape: TopoDS_Shape) -> tuple[Point, Point]:
+    """The box that fits tightly, which the kernel takes long to find: asked only of faces that may reach beyond others.
+
+    The kernel's quick box of a face contains it, so that one within the box of what is known already adds nothing.
+    """
     box = Bnd_Box()
-    BRepBndLib.AddOptimal_s(shape, box, False, False)
+    for vertex in _parts(shape, _VERTEX):
+        box.Add(BRep_Tool.Pnt_s(TopoDS.Vertex_s(vertex)))
+    quick = []
+    for part in _parts(shape, _FACE) or _parts(shape, _EDGE):
+        own = Bnd_Box()
+        BRepBndLib.Add_s(part, own, False)
+        quick.append((_reach(own, box), part, own))
+    for reach, part, own in sorted(quick, key=lambda entry: -entry[0]):
+        if reach > 0.0 and _reach(own, box) > 0.0:
+            BRepBndLib.AddOptimal_s(part, box, False, False)
+    return _corners(box)
+
+
+def _rough_box(shape: TopoDS_Shape) -> tuple[Point, Point]:
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, False)
+    return _corners(box)
+
+
+def _reach(inner: Bnd_Box, outer: Bnd_Box) -> float:
+    """How far the first box reaches out of the second at most."""
+    if outer.IsVoid():
+        return inf
+    (low, high), (least, most) = _corners(inner), _corners(outer)
+    return max(max(b - a, c - d) for a, b, c, d in zip(low, least, high, most))
+
+
+def _corners(box: Bnd_Box) -> tuple[Point, Point]:
     if box.IsVoid():
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    low, high = box.CornerMin(), box.CornerMax()
-    return (low.X(), low.Y(), low.Z()), (high.X(), high.Y(), high.Z())
+    return _coordinates(box.CornerMin()), _coordinates(box.CornerMax())
+
+
+def _coordinates(point: gp_Pnt) -> Point:
+    return point.X(), point.Y(), point.Z()

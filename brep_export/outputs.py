@@ -35,17 +35,19 @@ def require_writable(paths: Sequence[str | Path]) -> None:
 class Consignment:
     """One shape and the files it goes to.
 
-    mesh     triangles of the shape, for the mesh formats
-    colours  (V, 4) of the mesh's vertices, for the formats that hold them
-    beside   further files that belong to the same result, each with the function that writes it
+    mesh      triangles of the shape, for the mesh formats; None for one without faces
+    beside    further files that belong to the same result, each with the function that writes it
+    colours   (V, 4) of the mesh's vertices, for the formats that hold them
+    measures  of the shape, where they are known already
     """
 
     shape: TopoDS_Shape
-    mesh: TriangleMesh
+    mesh: TriangleMesh | None
     paths: Sequence[str | Path]
     header: FileHeader = FileHeader()  # noqa: RUF009  (frozen)
     beside: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
     colours: NDArray[np.uint8] | None = None
+    measures: ShapeMeasures | None = None
 
 
 def write_outputs(
@@ -93,7 +95,7 @@ def write_together(
 def _written(
     one: Consignment, temporary: Iterator[Path], *, schema: StepSchema, allow_change: bool
 ) -> tuple[ReadBack, ...]:
-    measures = measure(one.shape)
+    measures = one.measures or measure(one.shape)
     results = []
     for path, written in zip(one.paths, temporary):
         result = _write_one(one, (Path(path), written), schema=schema, measures=measures)
@@ -115,6 +117,8 @@ def _write_one(one: Consignment, place: tuple[Path, Path], *, schema: StepSchema
             return write_iges(one.shape, written, header=one.header, measures=measures)
         if ending in BREP_ENDINGS:
             return write_brep(one.shape, written, measures=measures)
+        if one.mesh is None:
+            raise NotWritten(str(path), "the shape has no faces to be drawn with triangles")
         return write_mesh(one.mesh, written, header=one.header, colours=one.colours)
     except NotWritten as failure:
         raise NotWritten(str(path), failure.problem) from failure

@@ -47,7 +47,7 @@ from recon.geometry.polyhedron import Polyhedron, merge_coplanar, mesh_bodies
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.tolerance import Tolerance
 
-__all__ = ["polyhedron_solid", "triangle_solid", "mesh_solid", "network_solid", "thick_solid", "lip_solid"]
+__all__ = ["polyhedron_solid", "triangle_solid", "mesh_solid", "network_solid", "solid_of", "thick_solid", "lip_solid"]
 
 Floats = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ def mesh_solid(mesh: TriangleMesh, tolerance: Tolerance) -> TopoDS_Solid | TopoD
 
 
 def _solids(bodies: list[list[tuple[TopoDS_Shell, float]]], what: str) -> TopoDS_Solid | TopoDS_Compound:
-    solids = [_solid(body, what) for body in bodies]
+    solids = [solid_of(body, what) for body in bodies]
     if len(solids) == 1:
         return solids[0]
     compound = TopoDS_Compound()
@@ -119,7 +119,11 @@ def _solids(bodies: list[list[tuple[TopoDS_Shell, float]]], what: str) -> TopoDS
     return compound
 
 
-def _solid(shells: list[tuple[TopoDS_Shell, float]], what: str) -> TopoDS_Solid:
+def solid_of(shells: list[tuple[TopoDS_Shell, float]], what: str) -> TopoDS_Solid:
+    """Kernel solid between shells, each with its signed volume: the outer one first, positive, then voids, negative.
+
+    Raises  NotManifold when a shell is turned inside out.
+    """
     solid = TopoDS_Solid()
     BUILDER.MakeSolid(solid)
     for i, (shell, volume) in enumerate(shells):
@@ -140,7 +144,7 @@ def network_solid(network: PatchNetwork, tolerance: Tolerance) -> TopoDS_Solid:
     volume = _volume(shell)
     if volume < 0:
         shell = make_shell([face.Reversed() for face in _faces(shell)], closed=True)
-    return _solid([(shell, abs(volume))], "patch network")
+    return solid_of([(shell, abs(volume))], "patch network")
 
 
 def _refuse_open(network: PatchNetwork) -> None:
@@ -215,7 +219,7 @@ def thick_solid(piece: ThickPiece, tolerance: Tolerance) -> TopoDS_Solid:
         *(_wall_face(walls[k], (rims[0][k], crosses[(k + 1) % n], rims[1][k], crosses[k])) for k in range(n)),
     ]
     shell = make_shell(faces, closed=True)
-    return _solid([(shell, _volume(shell))], "thick piece")
+    return solid_of([(shell, _volume(shell))], "thick piece")
 
 
 def _corners(walls: tuple[BSplineSurface, ...], row: int) -> Floats:
@@ -300,7 +304,7 @@ def lip_solid(piece: LipPiece, tolerance: Tolerance) -> TopoDS_Solid:
         *(_wall_face(walls[k], (rims[0][k], crosses[k + 1], rims[1][k], crosses[k])) for k in range(n)),
     ]
     shell = make_shell(faces, closed=True)
-    return _solid([(shell, _volume(shell))], "piece of the rim")
+    return solid_of([(shell, _volume(shell))], "piece of the rim")
 
 
 def _border(wall: BSplineSurface, row: int, ends: list[TopoDS_Vertex]) -> TopoDS_Edge:

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from brep_export.app.commands.check import check
+from brep_export.app.commands.curve import curve
 from brep_export.app.commands.demo import demo
 from brep_export.app.commands.fit import fit
 from brep_export.app.commands.patch import patch
@@ -14,7 +15,7 @@ from recon.version import __version__
 
 __all__ = ["app", "main"]
 
-COMMANDS = (patch, fit, terrain, views, check, demo)
+COMMANDS = (patch, fit, curve, terrain, views, check, demo)
 
 app = typer.Typer(
     name="recon",

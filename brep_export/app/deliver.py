@@ -82,7 +82,10 @@ def write_parcels(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: 
     header = FileHeader(name=request.get("name") or "missing piece", unit=LengthUnit(request.get("header_unit", "MM")))
     with bench.phase("write", "writing and reading back"):
         read_back = write_together(
-            [Consignment(p.shape, p.report.triangles(), p.outputs, header, p.others, p.colours) for p in parcels],
+            [
+                Consignment(p.shape, p.report.triangulation, p.outputs, header, p.others, p.colours, p.report.measures)
+                for p in parcels
+            ],
             schema=StepSchema[request.get("schema", "AP214")],
             allow_change=bool(request.get("force")),
             announce=bench.staged,

@@ -3,13 +3,17 @@
 import json
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from enum import Enum
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import typer
 
 from brep_export.app.outputs import check_destinations
+from brep_export.app.report import write_report
 from brep_export.app.result import refusal, summary
 from brep_export.app.workshop import Exit, Outcome, run
 from recon.errors import InputError
@@ -30,7 +34,8 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
     as_json, quiet, timeout = request.pop("as_json"), request.pop("quiet"), request.pop("timeout")
     try:
         check_destinations(request)
-        outcome = _watched(job, request, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)
+        work = partial(_watched, job, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)
+        outcome = work(request) if request.get("report") is None else _with_report(work, request)
     except InputError as problem:
         outcome = Outcome(Exit.BAD_INPUT, reasons=(str(problem),))
     except KeyboardInterrupt:
@@ -43,6 +48,21 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
     elif outcome.result is not None:
         typer.echo(summary(result))
     raise typer.Exit(outcome.status)
+
+
+def _with_report(work: Callable[[dict[str, Any]], Outcome], request: dict[str, Any]) -> Outcome:
+    """Do the work, with a picture for the page even where none was asked for, and write the page of its result."""
+    page = Path(request["report"])
+    with TemporaryDirectory() as folder:
+        picture = request["picture"] or str(Path(folder) / "picture.png")
+        outcome = work({**request, "picture": picture})
+        if outcome.result is None:
+            return outcome
+        image = Path(picture).read_bytes() if Path(picture).is_file() else None
+        outputs = [path for path in outcome.result["outputs"] if path != picture or picture == request["picture"]]
+        result = {**outcome.result, "outputs": [*outputs, str(page)]}
+        write_report(page, result, image)
+        return replace(outcome, result=result)
 
 
 def _plain(value: Any) -> Any:

@@ -11,23 +11,27 @@ __all__ = ["CAD_ENDINGS", "ENDINGS", "MESH_ENDINGS", "check_destinations"]
 CAD_ENDINGS = (".step", ".stp", ".iges", ".igs", ".brep")
 MESH_ENDINGS = (".stl", ".3mf", ".glb")
 ENDINGS = CAD_ENDINGS + MESH_ENDINGS
+PAGES = (".html", ".htm")
 
 
 def check_destinations(request: Mapping[str, Any]) -> None:
     """Every output has a known ending, a folder that exists, and a name of its own; the folder of a demo is made.
 
-    `more_endings` of the request are those that its command alone can write.
+    `more_endings` of the request are those that its command alone can write, `endings` all others.
     Raises  UnsupportedFormat, BadOption.
     """
     outputs = [Path(path) for path in request["outputs"]]
-    endings = ENDINGS + tuple(request.get("more_endings", ()))
+    endings = tuple(request.get("endings", ENDINGS)) + tuple(request.get("more_endings", ()))
     for path in outputs:
         if path.suffix.lower() not in endings:
             raise UnsupportedFormat(str(path), endings)
     picture = request.get("picture")
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise UnsupportedFormat(str(picture), (".png",))
-    targets = outputs + ([Path(picture)] if picture is not None else [])
+    page = request.get("report")
+    if page is not None and Path(page).suffix.lower() not in PAGES:
+        raise UnsupportedFormat(str(page), PAGES)
+    targets = outputs + [Path(path) for path in (picture, page) if path is not None]
     _make(request.get("make_directory"))
     inputs = {Path(path).resolve() for path in request["inputs"]}
     seen: set[Path] = set()

@@ -65,7 +65,13 @@ def kernel_of_all(kernels: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     read = [kernel["read_back"] for kernel in kernels if kernel["read_back"]]
     changes = [entry["volume_change"] for entry in read if entry["volume_change"] is not None]
     worst = {"same": all(entry["same"] for entry in read), "volume_change": max(changes, key=abs, default=None)}
-    return found | {"read_back": worst if read else None}
+    return found | {"read_back": worst if read else None, "gate": _gate_of_all([kernel["gate"] for kernel in kernels])}
+
+
+def _gate_of_all(gates: Sequence[Sequence[Mapping[str, Any]]]) -> list[dict[str, Any]]:
+    """Every line, passed where all shapes passed it; None where it was drawn on none."""
+    drawn = [[entry["passed"] for entry in column if entry["passed"] is not None] for column in zip(*gates)]
+    return [{"line": entry["line"], "passed": all(d) if d else None} for entry, d in zip(gates[0], drawn)]
 
 
 def statistics(distances: Any, *, unit: str, against: str) -> dict[str, Any]:
@@ -97,7 +103,7 @@ def summary(answer: Mapping[str, Any]) -> str:
     """A few lines for a person: the verdict, what the shape is, how far off it is, where it was written."""
     lines = [f"{answer['command']}: {answer['verdict']}"]
     lines += [f"  reason    {reason}" for reason in answer["reasons"]]
-    if answer["kernel"]:
+    if answer["kernel"] and answer["kernel"]["type"] is not None:
         lines.append(f"  shape     {_shape_line(answer['kernel'])}")
     if answer["error"]:
         e = answer["error"]
@@ -115,7 +121,7 @@ def _is_short(value: Any) -> bool:
 
 def _shape_line(kernel: Mapping[str, Any]) -> str:
     state = f"{'closed' if kernel['closed'] else 'open'}, {'valid' if kernel['valid'] else 'NOT valid'}"
-    size = f"volume {kernel['volume']:.6g}, " if kernel["closed"] else ""
+    size = f"volume {kernel['volume']:.6g}, " if kernel["volume"] is not None else ""
     return (
         f"{state} {kernel['type']}; faces {kernel['faces']}, edges {kernel['edges']}; {size}area {kernel['area']:.6g}"
     )

@@ -1,8 +1,7 @@
 """The job behind `recon views`: a three-view drawing to the solids it can mean, through the gate, to files."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,13 @@ import numpy as np
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.polyhedron_files import POLYHEDRON_ENDINGS, polyhedron_writer
 from brep_export.app.result import result
+from brep_export.app.views_picture import draw_solids
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.solids import polyhedron_solid
-from recon.errors import NoSolid
+from brep_export.staging import staged
+from recon.errors import NoSolid, NotWritten
+from recon.geometry.polyhedron import Polyhedron
 from recon.readers.view_sheet import ViewSheet
 from recon.readers.views import read_views
 from recon.three_view.conflicts import repaired
@@ -25,40 +27,55 @@ from recon.tolerance import Tolerance
 __all__ = ["views"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
+LISTED = 1000  # options of a choice that are compared to tell which is the most plausible
 SLACK = 5.0  # snaps by which a corner may miss the planes that meet there
 
 
+@dataclass(frozen=True, eq=False)
+class Proved:
+    """One solid, drawn again and built, with what the gate says of it and the files it goes to."""
+
+    solid: Polyhedron
+    shape: Any
+    report: CheckReport
+    outputs: tuple[str, ...]
+
+
 def views(request: Mapping[str, Any], bench: Bench) -> Answer:
-    """Read the drawing, find its solids, prove and write the one that was asked for, or all."""
-    options = ViewsOptions(snap=request["snap"], line_types=not request["no_hidden"])
+    """Read the drawing, find its solids, prove the one that was asked for, or all, and write all files or none."""
+    most = max(request["solution"], request["limit"] if request["all_solutions"] else 1, LISTED)
+    options = ViewsOptions(snap=request["snap"], line_types=not request["no_hidden"], limit=most)
     with bench.phase("read", "reading the drawing"):
         sheet = read_views(request["inputs"][0])
     for note in sheet.notes:
         bench.note(note)
     with bench.phase("reconstruct", "finding the solids"):
         sheet, found = _interpreted(sheet, options, request, bench)
-    if found.count > 1:
-        more = "" if found.complete else "at least "
-        bench.note(f"the drawing can mean {more}{found.count} solids; this is number {request['solution']}")
-    reports: list[CheckReport] = []
-    written: list[str] = []
-    reasons: list[str] = []
-    for number, outputs in _wanted(request, found):
-        report, paths, problems = _deliver(sheet, found, number, {**request, "outputs": outputs}, bench)
-        reports.append(report)
-        written += paths
-        reasons += problems
+    _tell_count(found, request, bench)
+    proved = [_proved(sheet, found, number, outputs, bench) for number, outputs in _wanted(request, found)]
+    reasons = tuple(dict.fromkeys(str(defect) for one in proved for defect in one.report.defects))
+    written = [] if reasons and not request["force"] else _write(proved, sheet, request, bench)
     answer = result(
         "views",
         inputs=request["inputs"],
         outputs=written,
-        reasons=reasons,
-        kernel=reports[0].as_json(),
+        reasons=list(reasons),
+        kernel=proved[0].report.as_json(),
         seconds=bench.seconds | {"total": bench.elapsed()},
         room=_figures(found, request),
         notes=bench.notes,
     )
-    return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, tuple(reasons)
+    return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
+
+
+def _tell_count(found: Interpretation, request: Mapping[str, Any], bench: Bench) -> None:
+    if found.count > 1:
+        more = "" if found.exact else "at least "
+        which = "each has a number" if found.complete else f"{found.labelings.listed} of them are numbered"
+        shown = "" if request["all_solutions"] else f"; this is number {request['solution']}"
+        bench.note(f"the drawing can mean {more}{found.count} solids, {which}{shown}")
+    if request["all_solutions"] and found.count > request["limit"]:
+        bench.note(f"the first {request['limit']} are written; --limit allows more")
 
 
 def _interpreted(
@@ -89,15 +106,13 @@ def _wanted(request: Mapping[str, Any], found: Interpretation) -> Iterator[tuple
     if not request["all_solutions"]:
         yield request["solution"] - 1, list(request["outputs"])
         return
-    for number in range(min(found.count, request["limit"])):
+    for number in range(min(found.labelings.listed, request["limit"])):
         paths = [Path(path) for path in request["outputs"]]
         yield number, [str(path.with_name(f"{path.stem}_{number + 1}{path.suffix}")) for path in paths]
 
 
-def _deliver(
-    sheet: ViewSheet, found: Interpretation, number: int, request: Mapping[str, Any], bench: Bench
-) -> tuple[CheckReport, list[str], list[str]]:
-    """One solid drawn again, built, proved and written."""
+def _proved(sheet: ViewSheet, found: Interpretation, number: int, outputs: Sequence[str], bench: Bench) -> Proved:
+    """One solid drawn again, built and judged."""
     with bench.phase("reconstruct", "drawing the solid again"):
         polyhedron = found.polyhedron(number)
         differences = found.differences(polyhedron)
@@ -107,30 +122,48 @@ def _deliver(
     with bench.phase("brep", "building the solid"):
         shape = polyhedron_solid(solid)
     tolerance = Tolerance(merge=found.snap, fit=SLACK * found.snap)
-    report = gate(shape, tolerance, ShapeKind.SOLID, bench)
-    kernel_files = [path for path in request["outputs"] if Path(path).suffix.lower() not in POLYHEDRON_ENDINGS]
-    plain_files = [path for path in request["outputs"] if path not in kernel_files]
-    report, written = write_files(
-        shape,
-        report,
-        {
-            **request,
-            "outputs": kernel_files,
-            "name": request["name"] or Path(request["inputs"][0]).stem,
-            "picture": None if request["all_solutions"] and number else request["picture"],
-        },
-        bench,
-        paint=partial(_paint, report),
-        beside={path: polyhedron_writer(path, solid, report.triangles()) for path in plain_files},
-    )
-    return report, written, [str(defect) for defect in report.defects]
+    return Proved(solid, shape, gate(shape, tolerance, ShapeKind.SOLID, bench), tuple(outputs))
+
+
+def _write(proved: list[Proved], sheet: ViewSheet, request: Mapping[str, Any], bench: Bench) -> list[str]:
+    """Every file of every solid, and the picture: first under hidden names, put in place when all of them are good."""
+    paths = [path for one in proved for path in one.outputs]
+    extra = [path for path in (request["picture"],) if path is not None]
+    with staged(*paths, *extra, announce=bench.staged) as hidden:
+        places = dict(zip((*paths, *extra), map(str, hidden)))
+        proved[:] = [_written(one, places, request, bench) for one in proved]
+        for path in extra:
+            with bench.phase("write", "drawing the picture"):
+                draw_solids(Path(places[path]), sheet.drawing, [(one.solid, one.report.triangles()) for one in proved])
+    return [*paths, *extra]
+
+
+def _written(one: Proved, places: Mapping[str, str], request: Mapping[str, Any], bench: Bench) -> Proved:
+    """The files of one solid, under their hidden names; the report with what came back when they were read."""
+    kernel_files = [places[path] for path in one.outputs if Path(path).suffix.lower() not in POLYHEDRON_ENDINGS]
+    plain_files = [places[path] for path in one.outputs if places[path] not in kernel_files]
+    name = request["name"] or Path(request["inputs"][0]).stem
+    try:
+        report, _ = write_files(
+            one.shape,
+            one.report,
+            {**request, "outputs": kernel_files, "name": name, "picture": None},
+            bench,
+            paint=lambda path: None,
+            beside={path: polyhedron_writer(path, one.solid, one.report.triangles()) for path in plain_files},
+        )
+    except NotWritten as failure:
+        path = next((path for path, place in places.items() if place == failure.path), failure.path)
+        raise NotWritten(path, failure.problem) from failure
+    return replace(one, report=report)
 
 
 def _figures(found: Interpretation, request: Mapping[str, Any]) -> dict[str, Any]:
     arranged = found.arrangement
     return {
         "solutions": found.count,
-        "complete": found.complete,
+        "complete": found.exact,
+        "numbered": found.labelings.listed,
         "free_choices": [_choice(found, choice) for choice in found.labelings.choices],
         "chosen": None if request["all_solutions"] else request["solution"],
         "vertices": len(arranged.fragments.wire.vertices),
@@ -149,13 +182,7 @@ def _choice(found: Interpretation, choice: FreeChoice) -> dict[str, Any]:
     edges = cells.edge[np.flatnonzero(walls[cells.fragment])]
     corners = made.wire.vertices[made.wire.edges[edges]].reshape(-1, 3)
     return {
-        "options": len(choice.options),
-        "complete": choice.complete,
+        "options": choice.count,
+        "complete": choice.exact,
         "box": [corners.min(axis=0).tolist(), corners.max(axis=0).tolist()],
     }
-
-
-def _paint(report: CheckReport, path: Path) -> None:
-    from brep_export.app.pictures import draw, views_around
-
-    draw(path, views_around(report.triangles(), [np.array(line) for line in report.free_edges]))

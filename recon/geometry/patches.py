@@ -23,7 +23,7 @@ from recon.geometry.arrays import frozen_floats, frozen_ints
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.numerics.bspline_basis import basis_matrix
 
-__all__ = ["PatchNetwork", "side_curve", "connect"]
+__all__ = ["PatchMosaic", "PatchNetwork", "side_curve", "connect"]
 
 Floats = NDArray[np.float64]
 COLLAPSED = -1
@@ -83,6 +83,74 @@ class PatchNetwork:
             raise BadGeometry(
                 "patch network", f"the edge on side {side} of patch {patch} does not join that side's corners"
             )
+
+
+@dataclass(frozen=True, eq=False)
+class PatchMosaic:
+    """Patches of different sizes: a side may run along several edges, one after the other.
+
+          +-------+---+       side 1 of A runs along two edges, for B and C lie beyond it
+          |       | C |
+          |   A   +---+
+          |       | B |
+          +-------+---+
+
+    patches         P surfaces
+    vertices        (V, 3) points where edges end
+    edge_curves     E curves, each running from its start vertex to its end vertex
+    edge_vertices   (E, 2) those vertices
+    smooth_edges    (E,) whether the tangent planes of both patches are to agree along the edge
+    side_starts     (4 P + 1,) where the row of each side begins: side s of patch p is row 4 p + s
+    side_edges      (K,) edges along the sides, in the sides' own direction
+    side_forward    (K,) whether the edge runs in that direction
+    side_ranges     (K, 2) parameters of the side at the edge's start and end
+    Raises  BadGeometry when a number is out of range or the edges of a side do not follow each other.
+    """
+
+    patches: tuple[BSplineSurface, ...]
+    vertices: NDArray[np.float64]
+    edge_curves: tuple[BSplineCurve, ...]
+    edge_vertices: NDArray[np.int64]
+    smooth_edges: NDArray[np.bool_]
+    side_starts: NDArray[np.int64]
+    side_edges: NDArray[np.int64]
+    side_forward: NDArray[np.bool_]
+    side_ranges: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        what, n_edges, n_uses = "patch mosaic", len(self.edge_curves), len(self.side_edges)
+        object.__setattr__(self, "patches", tuple(self.patches))
+        object.__setattr__(self, "edge_curves", tuple(self.edge_curves))
+        object.__setattr__(self, "vertices", frozen_floats(self.vertices, (None, 3), f"{what}: vertices"))
+        object.__setattr__(self, "side_ranges", frozen_floats(self.side_ranges, (n_uses, 2), f"{what}: side_ranges"))
+        shapes = {"edge_vertices": (n_edges, 2), "side_starts": (4 * len(self.patches) + 1,), "side_edges": (n_uses,)}
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen_ints(getattr(self, name), shape, f"{what}: {name}"))
+        for name, size in (("smooth_edges", n_edges), ("side_forward", n_uses)):
+            flags = frozen_ints(getattr(self, name), (size,), f"{what}: {name}").astype(bool)
+            flags.setflags(write=False)
+            object.__setattr__(self, name, flags)
+        self._check_sides()
+
+    def _check_sides(self) -> None:
+        if self.side_edges.max(initial=-1) >= len(self.edge_curves) or self.side_edges.min(initial=0) < 0:
+            raise BadGeometry("patch mosaic", "a side names an edge that does not exist")
+        if self.side_starts[-1] != len(self.side_edges) or (np.diff(self.side_starts) < 1).any():
+            raise BadGeometry("patch mosaic", "side_starts does not give every side an edge")
+        ends = self.edge_vertices[self.side_edges]
+        begin = np.where(self.side_forward, ends[:, 0], ends[:, 1])
+        last = np.where(self.side_forward, ends[:, 1], ends[:, 0])
+        follows = np.ones(max(len(begin) - 1, 0), dtype=bool)
+        follows[self.side_starts[1:-1] - 1] = False
+        broken = follows & (last[:-1] != begin[1:])
+        if broken.any():
+            side = int(np.searchsorted(self.side_starts, np.argmax(broken), side="right")) - 1
+            raise BadGeometry("patch mosaic", f"the edges along side {side % 4} of patch {side // 4} do not join")
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether every edge has two patches."""
+        return bool((np.bincount(self.side_edges, minlength=len(self.edge_curves)) == 2).all())
 
 
 SHARES = np.linspace(0.0, 1.0, 9)  # of a side's parameter range, where sides are compared

@@ -75,7 +75,7 @@ def lip_piece(sheet: Sheet, fracture: TriangleMesh | None = None, *, clearance: 
         split = np.flatnonzero(wide | np.roll(wide, 1) | np.roll(wide, -1))
         pairs = np.insert(pairs, split + 1, 0.5 * (pairs[split] + pairs[split + 1]), axis=0)
         band = _band(chains, pairs)
-    sides = tuple(_Side.of(chains, pairs, row) for row in (0, 1))
+    sides = _Side.of(chains, pairs, 0), _Side.of(chains, pairs, 1)
     bend = _bend(band, sides)
     band = band.following(bend=bend)
     if fracture is not None and fracture.n_faces:

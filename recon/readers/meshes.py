@@ -19,7 +19,7 @@ from recon.geometry.mesh import TriangleMesh
 from recon.readers.content import file_bytes
 from recon.readers.polygons import PolygonSoup, triangulated
 
-__all__ = ["MESH_ENDINGS", "Unit", "MeshFile", "read_mesh"]
+__all__ = ["MESH_ENDINGS", "MILLIMETRES", "Unit", "MeshFile", "read_mesh"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,11 +1,14 @@
 """Weights of the control points of a patch at a place in it: compiled loops over many places.
 
-A place is (patch, v, w) with barycentric coordinates (u, v, w), u = 1 - v - w. In a regular patch the weights are
-quartic Bernstein polynomials times one table; in an irregular one the place lies in one of three sub-patches of a
-copy of the patch, halved `level` times toward corner 0 (see `limit_tables`):
+A place is (patch, v, w). In a triangle u = 1 - v - w, v, w are barycentric; a quadrilateral is the unit square with
+its corners 0 to 3 at (0, 0), (1, 0), (1, 1), (0, 1). In a regular patch the weights are polynomials: quartic Bernstein
+polynomials times one table in a triangle, a product of uniform B-splines in a quadrilateral. In an irregular one the
+place lies in one of three sub-patches of a copy of the patch, halved `level` times toward corner 0 (`limit_tables`):
 
-    sub 0  at corner 1   (v', w') = (2 w, 2 u)          sub 2  in the middle   (v', w') = (1 - 2 u, 1 - 2 v)
-    sub 1  at corner 2   (v', w') = (2 u, 2 v)
+    triangle        sub 0  at corner 1   (v', w') = (2 w, 2 u)          sub 2  in the middle   (1 - 2 u, 1 - 2 v)
+                    sub 1  at corner 2   (v', w') = (2 u, 2 v)
+    quadrilateral   sub 0  at corner 1   (v', w') = (2 v - 1, 2 w)      sub 2  at corner 3     (2 v, 2 w - 1)
+                    sub 1  at corner 2   (v', w') = (2 v - 1, 2 w - 1)
 
 Orders of derivatives: rows 0 value, 1 and 2 by v and w, 3, 4 and 5 by vv, vw and ww.
 """
@@ -18,14 +21,13 @@ from numpy.typing import NDArray
 
 from recon.subdivision.limit_tables import N_LEVELS
 
-__all__ = ["MAX_SUPPORT", "PatchArrays", "patch_weights", "points_at"]
+__all__ = ["MAX_SUPPORT", "N_BASIS", "PatchArrays", "patch_weights", "points_at"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 MAX_SUPPORT = 80  # points a patch may depend on
-REGULAR = 12  # of a regular patch
-N_BEZIER = 15
+N_BASIS = 16  # room for the polynomials of a patch: 15 quartic, 16 bicubic, 9 bi-quadratic
 
 
 class PatchArrays(NamedTuple):
@@ -34,10 +36,10 @@ class PatchArrays(NamedTuple):
     support_starts  (C + 1,) where the row of each patch begins in `support`
     support         (S,) numbers of the points it depends on
     tables          (C,) number of its table; -1 for a regular patch
-    across          (C, 3) the side across each side, 3 patch + side; -1 on a border
-    regular         (15, 12) Bezier points of a regular patch
+    across          (C, k) the side across each side, k patch + side; -1 on a border; k = 3 or 4 corners a patch
+    regular         (B, R) points of its basis over the R points of a regular patch; the unit matrix where k = 4
     table_starts    (T,) where each table begins in `weights`
-    weights         limit (K), tangents (2 K), levels (N_LEVELS 3 15 K), table after table
+    weights         limit (K), tangents (2 K), levels (N_LEVELS 3 B K), table after table
     """
 
     support_starts: Ints
@@ -50,7 +52,7 @@ class PatchArrays(NamedTuple):
 
 
 @njit(cache=True)
-def _bernstein(v: float, w: float, n_rows: int, out: Floats) -> None:
+def _quartics(v: float, w: float, n_rows: int, out: Floats) -> None:
     """Quartic Bernstein polynomials into out (n_rows, 15); n_rows 1, 3 or 6."""
     u = 1.0 - v - w
     u2, v2, w2 = u * u, v * v, w * w
@@ -101,11 +103,11 @@ def _bernstein(v: float, w: float, n_rows: int, out: Floats) -> None:
 
 
 @njit(cache=True)
-def _turn(sub: int, scale: float, n_rows: int, b: Floats) -> None:
+def _turn_triangle(sub: int, scale: float, n_rows: int, b: Floats) -> None:
     """Derivatives by (v', w') into derivatives by (v, w), in place; scale is 2^(level + 1)."""
     if n_rows == 1:
         return
-    for i in range(N_BEZIER):
+    for i in range(15):
         p, q = b[1, i], b[2, i]
         if sub == 0:
             b[1, i], b[2, i] = -scale * q, scale * (p - q)
@@ -125,33 +127,70 @@ def _turn(sub: int, scale: float, n_rows: int, b: Floats) -> None:
 
 
 @njit(cache=True)
-def patch_weights(patches: PatchArrays, patch: int, v: float, w: float, n_rows: int, b: Floats, out: Floats) -> int:
-    """Weights of the support of a patch into out (n_rows, MAX_SUPPORT); b (6, 15) is room to work; the support's size.
+def _uniform(t: float, degree: int, b: Floats) -> None:
+    """Uniform B-splines of degree 2 or 3 on one span into b (3, 4): values, first and second derivatives."""
+    s = 1.0 - t
+    if degree == 2:
+        b[0, 0], b[0, 1], b[0, 2] = 0.5 * s * s, 0.5 + s * t, 0.5 * t * t
+        b[1, 0], b[1, 1], b[1, 2] = -s, s - t, t
+        b[2, 0], b[2, 1], b[2, 2] = 1.0, -2.0, 1.0
+        return
+    b[0, 0], b[0, 3] = s * s * s / 6.0, t * t * t / 6.0
+    b[0, 1], b[0, 2] = 2.0 / 3.0 - t * t + 0.5 * t * t * t, 2.0 / 3.0 - s * s + 0.5 * s * s * s
+    b[1, 0], b[1, 1], b[1, 2], b[1, 3] = -0.5 * s * s, 1.5 * t * t - 2.0 * t, 2.0 * s - 1.5 * s * s, 0.5 * t * t
+    b[2, 0], b[2, 1], b[2, 2], b[2, 3] = s, 3.0 * t - 2.0, 3.0 * s - 2.0, t
 
-    At an irregular corner the first derivatives are the tangents of the limit, and the second are not numbers.
-    """
-    size = patches.support_starts[patch + 1] - patches.support_starts[patch]
-    table = patches.tables[patch]
-    if table < 0:
-        _bernstein(v, w, n_rows, b)
-        for r in range(n_rows):
-            for j in range(REGULAR):
-                out[r, j] = 0.0
-            for i in range(N_BEZIER):
-                x = b[r, i]
-                for j in range(REGULAR):
-                    out[r, j] += x * patches.regular[i, j]
-        return size
-    start = patches.table_starts[table]
-    level, scale = 0, 2.0
-    while v + w <= 0.5 and level < N_LEVELS:
-        v, w, level, scale = 2.0 * v, 2.0 * w, level + 1, 2.0 * scale
-    if level == N_LEVELS:
+
+@njit(cache=True)
+def _products(v: float, w: float, n_rows: int, degree: int, scale: float, out: Floats) -> None:
+    """Products of uniform B-splines into out (n_rows, (degree + 1)^2), v running fastest; scale of the derivatives."""
+    a, b = np.empty((3, 4)), np.empty((3, 4))
+    _uniform(v, degree, a)
+    _uniform(w, degree, b)
+    n = degree + 1
+    for j in range(n):
+        for i in range(n):
+            at = j * n + i
+            out[0, at] = a[0, i] * b[0, j]
+            if n_rows > 1:
+                out[1, at] = scale * a[1, i] * b[0, j]
+                out[2, at] = scale * a[0, i] * b[1, j]
+            if n_rows > 3:
+                out[3, at] = scale * scale * a[2, i] * b[0, j]
+                out[4, at] = scale * scale * a[1, i] * b[1, j]
+                out[5, at] = scale * scale * a[0, i] * b[2, j]
+
+
+@njit(cache=True)
+def _regular_weights(regular: Floats, triangle: bool, v: float, w: float, n_rows: int, b: Floats, out: Floats) -> None:
+    n_basis, size = regular.shape
+    if not triangle:
+        _products(v, w, n_rows, 3 if size == 16 else 2, 1.0, out)
+        return
+    _quartics(v, w, n_rows, b)
+    for r in range(n_rows):
         for j in range(size):
-            out[0, j] = patches.weights[start + j]
-            for r in range(1, n_rows):
-                out[r, j] = patches.weights[start + r * size + j] if r < 3 else np.nan
-        return size
+            out[r, j] = 0.0
+        for i in range(n_basis):
+            x = b[r, i]
+            for j in range(size):
+                out[r, j] += x * regular[i, j]
+
+
+@njit(cache=True)
+def _near_corner(triangle: bool, v: float, w: float) -> bool:
+    """Whether the place is in the copy of the patch at corner 0, half as large."""
+    return v + w <= 0.5 if triangle else max(v, w) < 0.5
+
+
+@njit(cache=True)
+def _sub_patch(patches: PatchArrays, v: float, w: float, n_rows: int, scale: float, b: Floats) -> int:
+    """The sub-patch away from corner 0 in which the place lies; its polynomials, derivatives by (v, w), into b."""
+    if patches.across.shape[1] == 4:
+        right, upper = v >= 0.5, w >= 0.5
+        degree = 3 if len(patches.regular) == 16 else 2
+        _products(2.0 * v - right, 2.0 * w - upper, n_rows, degree, scale, b)
+        return 2 if not right else (1 if upper else 0)
     u = 1.0 - v - w
     if v >= 0.5:
         sub, a, c = 0, 2.0 * w, 2.0 * u
@@ -159,14 +198,43 @@ def patch_weights(patches: PatchArrays, patch: int, v: float, w: float, n_rows: 
         sub, a, c = 1, 2.0 * u, 2.0 * v
     else:
         sub, a, c = 2, 1.0 - 2.0 * u, 1.0 - 2.0 * v
-    _bernstein(a, c, n_rows, b)
-    _turn(sub, scale, n_rows, b)
-    at = start + 3 * size + (level * 3 + sub) * N_BEZIER * size
-    rows = patches.weights[at : at + N_BEZIER * size]
+    _quartics(a, c, n_rows, b)
+    _turn_triangle(sub, scale, n_rows, b)
+    return sub
+
+
+@njit(cache=True)
+def patch_weights(patches: PatchArrays, patch: int, v: float, w: float, n_rows: int, b: Floats, out: Floats) -> int:
+    """Weights of the support of a patch into out (n_rows, MAX_SUPPORT); b (6, N_BASIS) is room to work.
+
+    Returns the support's size.
+
+    At an irregular corner the first derivatives are the tangents of the limit, and the second are not numbers.
+    """
+    size = patches.support_starts[patch + 1] - patches.support_starts[patch]
+    table = patches.tables[patch]
+    triangle = patches.across.shape[1] == 3
+    if table < 0:
+        _regular_weights(patches.regular, triangle, v, w, n_rows, b, out)
+        return size
+    start = patches.table_starts[table]
+    level, scale = 0, 2.0
+    while _near_corner(triangle, v, w) and level < N_LEVELS:
+        v, w, level, scale = 2.0 * v, 2.0 * w, level + 1, 2.0 * scale
+    if level == N_LEVELS:
+        for j in range(size):
+            out[0, j] = patches.weights[start + j]
+            for r in range(1, n_rows):
+                out[r, j] = patches.weights[start + r * size + j] if r < 3 else np.nan
+        return size
+    sub = _sub_patch(patches, v, w, n_rows, scale, b)
+    n_basis = len(patches.regular)
+    at = start + 3 * size + (level * 3 + sub) * n_basis * size
+    rows = patches.weights[at : at + n_basis * size]
     for r in range(n_rows):
         for j in range(size):
             out[r, j] = patches.weights[start + j] if r == 0 else 0.0
-        for i in range(N_BEZIER):
+        for i in range(n_basis):
             x = b[r, i]
             for j in range(size):
                 out[r, j] += x * rows[i * size + j]
@@ -177,7 +245,7 @@ def patch_weights(patches: PatchArrays, patch: int, v: float, w: float, n_rows: 
 def points_at(patches: PatchArrays, points: Floats, patch: Ints, v: Floats, w: Floats, n_rows: int) -> Floats:
     """(n, n_rows, 3) position and derivatives at n places; n_rows 1, 3 or 6; points (R, 3) of the refined mesh."""
     out = np.zeros((len(patch), n_rows, 3))
-    b = np.empty((6, N_BEZIER))
+    b = np.empty((6, N_BASIS))
     weights = np.empty((6, MAX_SUPPORT))
     for i in range(len(patch)):
         size = patch_weights(patches, patch[i], v[i], w[i], n_rows, b, weights)

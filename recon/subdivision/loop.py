@@ -14,27 +14,18 @@
 Paper  [loop1987], masks; [hoppe1994], sharp edges; [schweitzer1996], reflected border points.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from recon.subdivision.sheets import Sheets, VertexKind
+from recon.subdivision.sheets import Refinement, Sheets, VertexKind, edge_numbers
 
-__all__ = ["Refinement", "extended", "refine", "regular_rings", "vertex_weight"]
+__all__ = ["REGULAR_FACES", "extended", "refine", "regular_rings", "vertex_weight"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-REGULAR_FACES = {VertexKind.SMOOTH: 6, VertexKind.BORDER: 3}  # faces around a vertex of a regular mesh
-
-
-class Refinement(NamedTuple):
-    """The mesh after one step, and the matrix (W', W) that takes the old points to the new."""
-
-    sheets: Sheets
-    matrix: sparse.csr_array
+REGULAR_FACES = (6, 3, 0, 0)  # faces around a vertex of a regular mesh, by its kind; corners and darts never are
 
 
 def vertex_weight(valence: Ints) -> Floats:
@@ -46,7 +37,7 @@ def refine(sheets: Sheets) -> Refinement:
     """Split every face into four; new vertices are the old ones, then one on each edge."""
     faces, across, kinds = sheets
     n_old = len(kinds)
-    side_edge, n_edges = _edge_numbers(across)
+    side_edge, n_edges = edge_numbers(across)
     matrix = sparse.vstack([_vertex_rows(sheets), _edge_rows(sheets, side_edge, n_edges)], format="csr")
     e = n_old + side_edge
     children = np.stack(
@@ -61,14 +52,6 @@ def refine(sheets: Sheets) -> Refinement:
     edge_kinds = np.zeros(n_edges, dtype=np.int64)
     edge_kinds[side_edge[across < 0]] = VertexKind.BORDER
     return Refinement(Sheets(children, _child_sides(across), np.concatenate([kinds, edge_kinds])), matrix)
-
-
-def _edge_numbers(across: Ints) -> tuple[Ints, int]:
-    """(F, 3) number of the edge under each side, the same for both sides of an inner edge."""
-    own = np.arange(across.size).reshape(across.shape)
-    representative = np.where(across < 0, own, np.minimum(own, across))
-    first, edge = np.unique(representative, return_inverse=True)
-    return edge.reshape(across.shape).astype(np.int64), len(first)
 
 
 def _child_sides(across: Ints) -> Ints:

@@ -27,7 +27,7 @@ from recon.errors import NotManifold
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import edge_table, opposite_sides
 
-__all__ = ["Sheets", "VertexKind", "cut_along_creases"]
+__all__ = ["Refinement", "Sheets", "VertexKind", "cut_along_creases", "edge_numbers", "fan_corners"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -55,6 +55,21 @@ class Sheets(NamedTuple):
     kinds: Ints
 
 
+class Refinement(NamedTuple):
+    """The mesh after one step, and the matrix (W', W) that takes the old points to the new."""
+
+    sheets: Sheets
+    matrix: sparse.csr_array
+
+
+def edge_numbers(across: Ints) -> tuple[Ints, int]:
+    """(F, k) number of the edge under each side, the same for both sides of an inner edge, and how many there are."""
+    own = np.arange(across.size).reshape(across.shape)
+    representative = np.where(across < 0, own, np.minimum(own, across))
+    first, edge = np.unique(representative, return_inverse=True)
+    return edge.reshape(across.shape).astype(np.int64), len(first)
+
+
 def cut_along_creases(mesh: ControlMesh, n_corners: int) -> tuple[Sheets, Ints]:
     """The sheets of a control mesh whose faces have `n_corners` each, and (W,) the control vertex behind each vertex.
 
@@ -66,7 +81,7 @@ def cut_along_creases(mesh: ControlMesh, n_corners: int) -> tuple[Sheets, Ints]:
     _refuse_tangles(mesh, faces, across)
     sharp = (across < 0) | _on_creases(mesh, faces)
     across = np.where(sharp, -1, across)
-    corner_copy = _copies(across)
+    corner_copy = fan_corners(across)
     copies, first, cut_faces = np.unique(corner_copy, return_index=True, return_inverse=True)
     behind = faces.ravel()[first]
     cut_faces = cut_faces.reshape(faces.shape).astype(np.int64)
@@ -94,7 +109,7 @@ def _on_creases(mesh: ControlMesh, faces: Ints) -> NDArray[np.bool_]:
     return np.isin(ends[..., 0] * n + ends[..., 1], creases[:, 0] * n + creases[:, 1])
 
 
-def _copies(across: Ints) -> Ints:
+def fan_corners(across: Ints) -> Ints:
     """(F k,) a number for each face corner: corners have the same one when inner edges lead from one to the other."""
     k = across.shape[1]
     side = np.flatnonzero(across.ravel() >= 0)
@@ -120,5 +135,8 @@ def _kinds(mesh: ControlMesh, faces: Ints, sharp: NDArray[np.bool_]) -> Ints:
     )
     marked = np.zeros(mesh.n_vertices, dtype=bool)
     marked[mesh.corner_vertices] = True
+    if faces.shape[1] == 4:
+        # a border running smoothly through the only face of a vertex would leave the surface no tangent plane there
+        marked[np.bincount(faces.ravel(), minlength=mesh.n_vertices) == 1] = True
     kinds[marked & (n_sharp > 0)] = VertexKind.CORNER
     return kinds

@@ -25,24 +25,27 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class EdgeFields:
-    """Heights (E, n) and gradients (E, n, 2) at n even parameters along every edge."""
+    """Heights (m, n) and gradients (m, n, 2) at n even parameters along m edges; `place` (E,) finds an edge."""
 
     height: Floats
     gradient: Floats
+    place: NDArray[np.int64]
 
 
-def edge_fields(tiling: Tiling, jets: VertexJets, n: int) -> EdgeFields:
-    """Height and gradient at n even parameters of all edges, in the edges' own direction."""
+def edge_fields(tiling: Tiling, jets: VertexJets, n: int, edges: NDArray[np.int64]) -> EdgeFields:
+    """Height and gradient at n even parameters of the given edges (m,), in the edges' own direction."""
     t = np.linspace(0.0, 1.0, n)
-    height, gradient = _tiling_edges(tiling, jets, t)
-    rows = np.flatnonzero(tiling.is_contour)
-    height[rows] = jets.height[tiling.edges[rows, 0]][:, None]
-    gradient[rows] = _contour_gradients(tiling, jets, t, rows)
-    return EdgeFields(height, gradient)
+    height, gradient = _tiling_edges(tiling, jets, t, edges)
+    curved = tiling.is_contour[edges]
+    height[curved] = jets.height[tiling.edges[edges[curved], 0]][:, None]
+    gradient[curved] = _contour_gradients(tiling, jets, t, edges[curved])
+    place = np.full(len(tiling.edges), -1)
+    place[edges] = np.arange(len(edges))
+    return EdgeFields(height, gradient, place)
 
 
-def _tiling_edges(tiling: Tiling, jets: VertexJets, t: Floats) -> tuple[Floats, Floats]:
-    i, j = tiling.edges.T
+def _tiling_edges(tiling: Tiling, jets: VertexJets, t: Floats, edges: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    i, j = tiling.edges[edges].T
     d = tiling.points[j] - tiling.points[i]
     w = turned_quarter(d)
     ends = [
@@ -69,7 +72,7 @@ def _contour_gradients(tiling: Tiling, jets: VertexJets, t: Floats, rows: NDArra
         s = _dot(jets.gradient[k], left) / square
         ends.append((s, (_form(jets.hessian[k], left, c1) - s * _dot(c1, c2)) / square))
     s = _cubic(*ends) @ bernstein(3, t).T
-    velocity = np.einsum("tk,mkd->mtd", bernstein_derivative(3, t), b)
+    velocity = np.matmul(bernstein_derivative(3, t), b)
     return s[..., None] * turned_quarter(velocity)
 
 

@@ -1,9 +1,10 @@
 """Elevation and slope at any place of the map: which patch holds it, and where in the patch.
 
-The plan map X(u, v) = (1 - v) a(u) + v b(u) is inverted by Newton steps from the nearest of a grid of samples.
+The plan map X(u, v) = (1 - v) a(u) + v b(u) of every patch whose box holds the place is inverted by Newton steps.
 """
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
@@ -18,7 +19,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SAMPLES = (np.arange(5) + 0.5) / 5
-CANDIDATES, STEPS = 12, 12
+CHUNK, STEPS = 50_000, 12
 INSIDE = 1e-7  # how far outside [0, 1] a parameter may lie
 
 
@@ -62,22 +63,31 @@ def _plan(bottom: Floats, top: Floats, uv: Floats) -> tuple[Floats, Floats, Floa
 def _located(terrain: Terrain, places: Floats) -> tuple[Ints, Floats]:
     """(m,) patch of every place, -1 for none, and the (m, 2) parameters in it."""
     bottom, top = plan_sides(terrain.tiling, terrain.layout)
-    b = bernstein(3, SAMPLES)
-    low, high = (np.einsum("tk,nkd->ntd", b, net) for net in (bottom, top))
-    samples = (1 - SAMPLES)[:, None] * low[:, :, None] + SAMPLES[:, None] * high[:, :, None]
-    n = len(SAMPLES)
-    tree = cKDTree(samples.reshape(-1, 2))
-    _, near = tree.query(places, k=CANDIDATES)
+    hull = np.concatenate([bottom, top], axis=1)
+    low, high = hull.min(axis=1), hull.max(axis=1)
+    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
     patch, uv = np.full(len(places), -1), np.zeros((len(places), 2))
-    for k in range(CANDIDATES):
-        todo = np.flatnonzero(patch < 0)
-        if not len(todo):
-            break
-        owner, rest = np.divmod(near[todo, k], n * n)
-        start = np.column_stack([SAMPLES[rest // n], SAMPLES[rest % n]])
-        found, inside = _inverted(bottom[owner], top[owner], places[todo], start)
-        patch[todo[inside]], uv[todo[inside]] = owner[inside], found[inside]
+    for first in range(0, len(places), CHUNK):
+        pair_place, owner = tree.query(shapely.points(places[first : first + CHUNK]))
+        pair_place = pair_place + first
+        start = _nearest_sample(bottom[owner], top[owner], places[pair_place])
+        found, inside = _inverted(bottom[owner], top[owner], places[pair_place], start)
+        patch[pair_place[inside]], uv[pair_place[inside]] = owner[inside], found[inside]
     return patch, uv
+
+
+def _nearest_sample(bottom: Floats, top: Floats, places: Floats) -> Floats:
+    """(n, 2) parameters of that of a grid of samples of each patch which is nearest to the patch's own place."""
+    low, high = bernstein(3, SAMPLES) @ bottom, bernstein(3, SAMPLES) @ top
+    best, nearest = np.zeros((len(places), 2)), np.full(len(places), np.inf)
+    for v in SAMPLES.tolist():
+        off = (1 - v) * low + v * high - places[:, None]
+        square = (off * off).sum(axis=2)
+        at = np.argmin(square, axis=1)
+        closer = square[np.arange(len(at)), at] < nearest
+        nearest[closer] = square[np.arange(len(at)), at][closer]
+        best[closer] = np.column_stack([SAMPLES[at], np.full(len(at), v)])[closer]
+    return best
 
 
 def _inverted(bottom: Floats, top: Floats, places: Floats, uv: Floats) -> tuple[Floats, NDArray[np.bool_]]:

@@ -1,4 +1,4 @@
-"""Step 7, limiter: no patch rises or falls beyond its corners by more than a share of the contour interval.
+"""Step 7, limiter: no patch leaves the heights of the contours around its strip by more than a share of the interval.
 
 Where one does, gradient and Hessian of its corners are scaled down and the patches are made again; scaled jets still
 agree around every vertex, so the surface stays G1, and contours stay contours.
@@ -18,7 +18,7 @@ __all__ = ["limited_jets", "excess"]
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 14
+ROUNDS = 20
 FACTORS = 0.3, 0.8  # a round scales the jets of a patch by at least and at most so much
 BEYOND, BEYOND_ENDED = 0.04, 0.25  # shares of the interval between contours, and on summits, in pits, beside the border
 SAMPLES = np.linspace(0.0, 1.0, 9)
@@ -28,36 +28,38 @@ def limited_jets(
     tiling: Tiling, layout: PatchLayout, jets: VertexJets, limits: Levels, interval: float
 ) -> tuple[VertexJets, tuple[PatchNets, PatchNets]]:
     """Jets scaled down where needed, and the patches made from them."""
-    allowed = np.where(_ended(tiling, layout, limits), BEYOND_ENDED, BEYOND) * interval
+    strip = limits.strip[layout.face]
+    allowed = np.where(limits.ended[strip], BEYOND_ENDED, BEYOND) * interval
+    low, high = limits.low[strip], limits.high[strip]
+    nets = patch_nets(tiling, layout, jets)
+    changed, parts = np.arange(len(allowed)), nets
     for _ in range(ROUNDS):
-        nets = patch_nets(tiling, layout, jets)
-        over = excess(layout, jets, nets)
-        high = over > allowed
-        if not high.any():
+        over = excess(low, high, parts)
+        too_high = over > allowed
+        if not too_high.any():
             break
         factor = np.ones(len(jets.height))
-        share = np.clip(allowed[high] / over[high], *FACTORS)
-        np.minimum.at(factor, layout.corners[high].ravel(), np.repeat(share, 4))
+        share = np.clip(allowed[too_high] / over[too_high], *FACTORS)
+        np.minimum.at(factor, layout.corners[too_high].ravel(), np.repeat(share, 4))
         jets = jets.scaled(factor)
+        changed = np.flatnonzero((factor < 1)[layout.corners].any(axis=1))
+        parts = patch_nets(tiling, layout, jets, changed)
+        nets = _replaced(nets[0], parts[0]), _replaced(nets[1], parts[1])
     return jets, nets
 
 
-def excess(layout: PatchLayout, jets: VertexJets, nets: tuple[PatchNets, PatchNets]) -> Floats:
-    """(P,) metres by which every patch leaves the heights of its corners, on a grid of samples."""
-    z = jets.height[layout.corners]
-    out = np.empty(len(z))
-    for part in nets:
-        values = np.einsum(
-            "iu,nuv,jv->nij", bernstein(part.degree, SAMPLES), part.nets[..., 2], bernstein(5, SAMPLES), optimize=True
-        ).reshape(len(part.rows), -1)
-        corners = z[part.rows]
-        out[part.rows] = np.maximum(values.max(axis=1) - corners.max(axis=1), corners.min(axis=1) - values.min(axis=1))
+def _replaced(nets: PatchNets, new: PatchNets) -> PatchNets:
+    """The nets with some made anew."""
+    out = nets.nets.copy()
+    out[np.searchsorted(nets.rows, new.rows)] = new.nets
+    return PatchNets(nets.rows, out)
+
+
+def excess(low: Floats, high: Floats, parts: tuple[PatchNets, PatchNets]) -> Floats:
+    """(P,) metres by which the given patches leave the heights low to high (P,), on a grid of samples; others 0."""
+    out = np.zeros(len(low))
+    for part in parts:
+        values = bernstein(part.degree, SAMPLES) @ part.nets[..., 2] @ bernstein(5, SAMPLES).T
+        top, bottom = values.max(axis=(1, 2)), values.min(axis=(1, 2))
+        out[part.rows] = np.maximum(top - high[part.rows], low[part.rows] - bottom)
     return out
-
-
-def _ended(tiling: Tiling, layout: PatchLayout, limits: Levels) -> NDArray[np.bool_]:
-    """(P,) whether a patch lies in a strip with one contour height only."""
-    vertex_ended = np.ones(len(tiling.points), dtype=bool)
-    vertex_ended[tiling.triangles[~limits.ended[limits.strip]]] = False
-    contour = np.arange(len(tiling.points)) < tiling.curves.n_vertices
-    return np.asarray((vertex_ended & ~contour)[layout.corners].any(axis=1))

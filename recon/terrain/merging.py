@@ -14,6 +14,7 @@ Paper  [zhang2006], section 4.1; quads may here also have one contour side, or n
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,8 @@ __all__ = ["PatchLayout", "triangle_layout", "merged_layout", "plan_sides", "is_
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SHARPEST = 0.94  # largest cosine of a corner of a quad: 20 degrees
+SHARPEST = 0.98  # largest cosine of a corner of a quad: 11 degrees
+LONGEST_PATH = 8  # chosen quads that are given up for one more at most
 HALVINGS = 2  # of the parameter range before a sign that the coefficients leave open is taken for a fold
 MARGIN = 0.02  # of the largest coefficient: what counts as positive
 
@@ -39,15 +41,21 @@ class PatchLayout:
     corners       (P, 4) vertices at (u, v) = (0, 0), (1, 0), (1, 1), (0, 1)
     side_edges    (P, 4) edge of the tiling on every side, COLLAPSED on the side of a triangle that is one point
     side_forward  (P, 4) whether the edge runs in the side's direction: 0 to 1, 1 to 2, 3 to 2, 0 to 3
+    face          (P,) triangle of the tiling that the patch covers, or one of the two
     """
 
     corners: Ints
     side_edges: Ints
     side_forward: NDArray[np.bool_]
+    face: Ints
 
     @property
     def is_triangle(self) -> NDArray[np.bool_]:
         return self.side_edges[:, 2] == COLLAPSED
+
+    def part(self, rows: NDArray[Any]) -> "PatchLayout":
+        """Some of the patches, chosen by number or by a mask."""
+        return PatchLayout(self.corners[rows], self.side_edges[rows], self.side_forward[rows], self.face[rows])
 
 
 def triangle_layout(tiling: Tiling) -> PatchLayout:
@@ -58,12 +66,13 @@ def triangle_layout(tiling: Tiling) -> PatchLayout:
     a, b, c = np.take_along_axis(tiling.triangles, (turn + np.arange(3)) % 3, axis=1).T
     ab, bc, ca = np.take_along_axis(tiling.side_edges, (turn + np.arange(3)) % 3, axis=1).T
     collapsed = np.full(len(a), COLLAPSED)
-    return _layout(tiling, np.column_stack([a, b, c, c]), np.column_stack([ab, bc, collapsed, ca]))
+    sides = np.column_stack([ab, bc, collapsed, ca])
+    return _layout(tiling, np.column_stack([a, b, c, c]), sides, np.arange(len(tiling.triangles)))
 
 
-def _layout(tiling: Tiling, corners: Ints, side_edges: Ints) -> PatchLayout:
+def _layout(tiling: Tiling, corners: Ints, side_edges: Ints, face: Ints) -> PatchLayout:
     begin = corners[:, [0, 1, 3, 0]]
-    return PatchLayout(corners, side_edges, (tiling.edges[side_edges, 0] == begin) | (side_edges == COLLAPSED))
+    return PatchLayout(corners, side_edges, (tiling.edges[side_edges, 0] == begin) | (side_edges == COLLAPSED), face)
 
 
 def merged_layout(tiling: Tiling) -> PatchLayout:
@@ -72,20 +81,68 @@ def merged_layout(tiling: Tiling) -> PatchLayout:
     Promises  no quad folds; no quad has two contour sides that touch.
     """
     quads, faces, score = _candidates(tiling)
-    taken = np.zeros(len(tiling.triangles), dtype=bool)
-    chosen = []
-    pairs = faces.tolist()
-    for q in np.argsort(score, kind="stable").tolist():
-        left, right = pairs[q]
-        if not taken[left] and not taken[right]:
-            taken[left] = taken[right] = True
-            chosen.append(q)
+    chosen, taken = _paired(faces, np.argsort(score, kind="stable"), len(tiling.triangles))
     rest = triangle_layout(tiling)
+    pair = (quads.part(chosen), rest.part(~taken))
     return PatchLayout(
-        np.vstack([quads.corners[chosen], rest.corners[~taken]]),
-        np.vstack([quads.side_edges[chosen], rest.side_edges[~taken]]),
-        np.vstack([quads.side_forward[chosen], rest.side_forward[~taken]]),
+        np.vstack([part.corners for part in pair]),
+        np.vstack([part.side_edges for part in pair]),
+        np.vstack([part.side_forward for part in pair]),
+        np.concatenate([part.face for part in pair]),
     )
+
+
+def _paired(faces: Ints, order: Ints, n: int) -> tuple[Ints, NDArray[np.bool_]]:
+    """Quads chosen, the first in order first, and (n,) whether a triangle is in one.
+
+    Two triangles left over at the ends of a path of three candidates, its middle a chosen quad, are both taken in by
+    giving that quad up for the outer two; so are those at the ends of longer paths.
+    """
+    pairs = faces.tolist()
+    mate = [-1] * n  # candidate that holds a triangle
+    for q in order.tolist():
+        left, right = pairs[q]
+        if mate[left] < 0 and mate[right] < 0:
+            mate[left] = mate[right] = q
+    around: list[list[int]] = [[] for _ in range(n)]
+    for q in order.tolist():
+        for face in pairs[q]:
+            around[face].append(q)
+    for face in range(n):
+        if mate[face] < 0:
+            _augmented(face, pairs, around, mate)
+    held = np.array(mate)
+    return np.unique(held[held >= 0]), held >= 0
+
+
+def _augmented(face: int, pairs: list[list[int]], around: list[list[int]], mate: list[int]) -> None:
+    """Pair the triangle by the shortest alternating path to another one that is left over, if a short one exists."""
+    came: dict[int, tuple[int, int]] = {face: (-1, -1)}  # triangle at an even step -> candidate taken to it, from where
+    front = [face]
+    for _ in range(LONGEST_PATH):
+        ahead = []
+        for here in front:
+            for q in around[here]:
+                other = pairs[q][0] + pairs[q][1] - here
+                if mate[other] < 0 and other != face:
+                    _flip(here, q, came, pairs, mate)
+                    return
+                if mate[other] < 0 or mate[other] == q:
+                    continue
+                far = pairs[mate[other]][0] + pairs[mate[other]][1] - other
+                if far not in came and other not in came:
+                    came[far] = (q, here)
+                    ahead.append(far)
+        front = ahead
+
+
+def _flip(here: int, q: int, came: dict[int, tuple[int, int]], pairs: list[list[int]], mate: list[int]) -> None:
+    while True:
+        for face in pairs[q]:
+            mate[face] = q
+        q, here = came[here]
+        if q < 0:
+            return
 
 
 def _candidates(tiling: Tiling) -> tuple[PatchLayout, Ints, Floats]:
@@ -109,10 +166,10 @@ def _candidates(tiling: Tiling) -> tuple[PatchLayout, Ints, Floats]:
     sides = sides[rows[:, None], (np.arange(4) + turn) % 4]
     bent = _corner_cosines(tiling.points[corners])
     allowed &= bent.max(axis=1) < SHARPEST
-    corners, sides, bent = corners[allowed], sides[allowed], bent[allowed]
-    quads = _layout(tiling, corners, sides)
+    bent = bent[allowed]
+    quads = _layout(tiling, corners[allowed], sides[allowed], left[allowed])
     sound = ~is_folded(*plan_sides(tiling, quads), quads.is_triangle)
-    quads = PatchLayout(quads.corners[sound], quads.side_edges[sound], quads.side_forward[sound])
+    quads = quads.part(sound)
     opposite = tiling.is_contour[quads.side_edges].sum(axis=1) == 2
     return quads, np.column_stack([left, right])[allowed][sound], bent[sound].sum(axis=1) - 8.0 * opposite
 

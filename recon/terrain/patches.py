@@ -47,18 +47,22 @@ class PatchNets:
         return self.nets.shape[1] - 1
 
 
-def patch_nets(tiling: Tiling, layout: PatchLayout, jets: VertexJets) -> tuple[PatchNets, PatchNets]:
-    """Control nets of all patches: those with a contour side, and those without."""
-    used = np.where(layout.side_edges == COLLAPSED, False, tiling.is_contour[layout.side_edges])
-    curved = used.any(axis=1)
-    along_v = edge_fields(tiling, jets, DEGREE_V + 1)
-    plan = plan_sides(tiling, layout)
+def patch_nets(
+    tiling: Tiling, layout: PatchLayout, jets: VertexJets, chosen: Ints | None = None
+) -> tuple[PatchNets, PatchNets]:
+    """Control nets of the chosen patches, or of all: those with a contour side, and those without."""
+    rows = np.arange(len(layout.corners)) if chosen is None else chosen
+    sides = layout.side_edges[rows]
+    curved = np.where(sides == COLLAPSED, False, tiling.is_contour[sides]).any(axis=1)
+    edges = np.unique(sides[sides != COLLAPSED])
+    along_v = edge_fields(tiling, jets, DEGREE_V + 1, edges)
     made = []
-    for rows, degree in ((np.flatnonzero(curved), CURVED), (np.flatnonzero(~curved), STRAIGHT)):
-        along_u = along_v if degree == DEGREE_V else edge_fields(tiling, jets, degree + 1)
-        part = PatchLayout(layout.corners[rows], layout.side_edges[rows], layout.side_forward[rows])
-        sides = _Sides.of(part, jets, along_u, along_v)
-        made.append(PatchNets(rows, _nets(part, jets, sides, (plan[0][rows], plan[1][rows]), degree)))
+    for own, degree in ((rows[curved], CURVED), (rows[~curved], STRAIGHT)):
+        part = layout.part(own)
+        used = np.unique(part.side_edges[:, [0, 2]])
+        along_u = along_v if degree == DEGREE_V else edge_fields(tiling, jets, degree + 1, used[used != COLLAPSED])
+        sides_of = _Sides.of(part, jets, along_u, along_v)
+        made.append(PatchNets(own, _nets(part, jets, sides_of, plan_sides(tiling, part), degree)))
     return made[0], made[1]
 
 
@@ -75,7 +79,7 @@ class _Sides:
         for side in range(4):
             fields = along_u if side in (0, 2) else along_v
             edge, forward = layout.side_edges[:, side], layout.side_forward[:, side]
-            z, g = fields.height[edge], fields.gradient[edge]
+            z, g = fields.height[fields.place[edge]], fields.gradient[fields.place[edge]]
             z = np.where(forward[:, None], z, z[:, ::-1])
             g = np.where(forward[:, None, None], g, g[:, ::-1])
             point = edge == COLLAPSED
@@ -94,7 +98,7 @@ def _hermite(t: Floats) -> Floats:
 def _nets(layout: PatchLayout, jets: VertexJets, sides: _Sides, plan: tuple[Floats, Floats], degree: int) -> Floats:
     bottom, top = plan
     u, v = np.linspace(0, 1, degree + 1), np.linspace(0, 1, DEGREE_V + 1)
-    across = np.einsum("tk,nkd->ntd", bernstein(3, u), top - bottom)  # X_v, the same at v = 0 and 1
+    across = bernstein(3, u) @ (top - bottom)  # X_v, the same at v = 0 and 1
     ends = [(3 * (net[:, 1] - net[:, 0]), 3 * (net[:, 3] - net[:, 2])) for net in plan]
     along = [(1 - v)[:, None] * ends[0][k][:, None] + v[:, None] * ends[1][k][:, None] for k in (0, 1)]  # X_u at u = k
     in_v = np.stack([
@@ -107,17 +111,20 @@ def _nets(layout: PatchLayout, jets: VertexJets, sides: _Sides, plan: tuple[Floa
     ])  # fmt: skip
     hu, hv = _hermite(u), _hermite(v)
     corner = _corner_tensor(layout, jets, plan)
-    z = (
-        np.einsum("knu,kv->nuv", in_v, hv)
-        + np.einsum("knv,ku->nuv", in_u, hu)
-        - np.einsum("nkl,ku,lv->nuv", corner, hu, hv)
-    )
+    base = sides.height[0][:, :1]
+    in_v[0::2] -= base
+    in_u[0::2] -= base
+    corner[:, 0::2, 0::2] -= base[:, :, None]
     to_u, to_v = np.linalg.inv(bernstein(degree, u)), np.linalg.inv(bernstein(DEGREE_V, v))
-    base = z[:, :1, :1]
+    z = (
+        (to_u @ in_v.transpose(1, 2, 0)) @ (to_v @ hv.T).T
+        + (to_u @ hu.T) @ (in_u.transpose(1, 0, 2) @ to_v.T)
+        - (to_u @ hu.T) @ corner @ (to_v @ hv.T).T
+    )
     net = np.empty((len(z), degree + 1, DEGREE_V + 1, 3))
-    net[..., 2] = base + np.einsum("iu,nuv,jv->nij", to_u, z - base, to_v, optimize=True)
+    net[..., 2] = z + base[:, :, None]
     raise_u = degree_elevation(3, degree)
-    low, high = (np.einsum("ik,nkd->nid", raise_u, side)[:, :, None] for side in plan)
+    low, high = ((raise_u @ side)[:, :, None] for side in plan)
     net[..., :2] = (1 - v)[:, None] * low + v[:, None] * high
     return net
 

@@ -32,9 +32,11 @@ __all__ = ["Terrain", "TerrainOptions", "terrain_surface"]
 
 Floats = NDArray[np.float64]
 
-SHARE_OF_SPACING = 0.2  # the tolerance, where none is given, as a share of the distance between the given points
-MOST_TURNING = np.radians(40.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
+SHARE_OF_SPACING = 0.28  # the tolerance, where none is given, as a share of the distance between the given points
+MOST_TURNING = np.radians(90.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
 BORDER_STEP = 6.0  # spacings of the points between free vertices on the border
+SPECK = 2.0  # tolerances that a closed contour is long at least
+MOST_NAMED = 5
 REFITS, UNFOLDINGS = 6, 12
 
 
@@ -42,7 +44,7 @@ REFITS, UNFOLDINGS = 6, 12
 class TerrainOptions:
     """What a user may choose.
 
-    tolerance  metres that a contour's curve may stay from the points given; None: a fifth of their spacing
+    tolerance  metres that a contour's curve may stay from the points given; None: 0.28 of their spacing
     Raises  BadOption.
     """
 
@@ -97,7 +99,8 @@ def terrain_surface(
     options = options or TerrainOptions()
     tolerance = options.tolerance or SHARE_OF_SPACING * point_spacing(contours)
     origin = np.round(contours.extent.mean(axis=0))
-    local = _ended_on_border(contours.moved(origin), tolerance)
+    kept, notes = _without_specks(contours, tolerance)
+    local = _ended_on_border(kept.moved(origin), tolerance)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
         tiling = _tiled(local, tolerance, origin)
@@ -108,7 +111,27 @@ def terrain_surface(
         jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
         doing("making the patches")
         jets, nets = limited_jets(tiling, layout, jets, limits, interval)
-    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance)
+    return Terrain(origin, tiling, layout, jets, nets, local.extent, interval, tolerance, notes)
+
+
+def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap, tuple[str, ...]]:
+    """The contours without closed ones so small that a curve within the tolerance may be one point; they are named."""
+    length = np.array([np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in contours.lines])
+    closed = np.array([bool((line[0] == line[-1]).all()) for line in contours.lines])
+    speck = np.where(closed, length < SPECK * tolerance, length == 0)
+    if not speck.any():
+        return contours, ()
+    places = [(i, contours.lines[i][0]) for i in np.flatnonzero(speck).tolist()]
+    named = ", ".join(f"{i} near ({x:.1f}, {y:.1f})" for i, (x, y) in places[:MOST_NAMED])
+    more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
+    note = f"{len(places)} contours shorter than {SPECK * tolerance:.3g} m vanish in resampling: {named}{more}"
+    keep = np.flatnonzero(~speck).tolist()
+    if not keep:
+        raise BadGeometry("contours", f"all of them are shorter than {SPECK * tolerance:.3g} m at this tolerance")
+    return (
+        ContourMap([contours.lines[i] for i in keep], contours.heights[keep], contours.extent, contours.crs),
+        (note,),
+    )
 
 
 def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:

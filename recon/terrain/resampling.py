@@ -29,12 +29,15 @@ Ints = NDArray[np.int64]
 
 ROUNDS = 14
 STIFFNESS = 0.12  # of the span: the wavelength below which a spline stops to follow its points is 2 pi times this
+SHARPEST = np.radians(100.0)  # turning of a span above which it is a kink: it and its neighbours are made stiffer
+SLOWEST, STIFFER, SMOOTHINGS = 0.5, 1.4, 4  # length over parameter that is a kink too; the step; how often
 LONGEST = 12.0  # spacings of the given points a knot span covers at most
 DENSE = 0.5  # spacings between two given points above which points are put between them
 TIGHT_REACH, TIGHTER, MOST_NAMED = 1.5, 0.2, 5  # spacings around a place where curves met; what is allowed there
 NEIGHBOURS = 12  # samples among which another strand is looked for
 BEND = 4.0  # two samples of one contour are on different strands when the way along it is so many times the way across
 ROOM, LEAST = 0.2, 0.02  # share of the way to another strand, and of the tolerance, that a sample may miss
+SHORTEST = 1.5  # of what its points may miss: no shorter span is halved
 RING_SPANS = 6  # knot spans of a closed contour at least
 
 
@@ -94,7 +97,29 @@ def fit_contours(contours: ContourMap, tolerance: float, tight: Floats | None = 
             break
         knots = halved
     flat = _padded(knots, closed)
-    return _segments(flat, _fitted(samples, flat), contours.heights)
+    return _without_kinks(samples, flat, contours.heights, tolerance)
+
+
+def _without_kinks(samples: _Samples, knots: _Knots, heights: Floats, tolerance: float) -> ContourCurves:
+    """Segments of the splines, with stiffer spans where they would turn sharply, as far as the points allow."""
+    stiffer = np.ones(knots.spans.sum())
+    at = np.concatenate([np.arange(f, f + n) for f, n in zip(knots.first, knots.spans)])
+    for _ in range(SMOOTHINGS):
+        coefficients = _fitted(samples, knots, stiffer)
+        curves = _segments(knots, coefficients, heights)
+        kinked = (curves.turning() > SHARPEST) | (curves.lengths() < SLOWEST * curves.span)
+        kinked &= knots.spans[curves.contour] > RING_SPANS  # shorter curves cannot give way
+        if not kinked.any():
+            break
+        worst = np.zeros(len(knots.padded))
+        moved, distance = _at_feet(samples, knots, coefficients)
+        np.maximum.at(worst, _span_of(knots, moved.contour, moved.parameter), distance)
+        same = curves.contour[1:] == curves.contour[:-1]
+        beside = kinked.copy()
+        beside[1:] |= kinked[:-1] & same
+        beside[:-1] |= kinked[1:] & same
+        stiffer[beside & (worst[at] < tolerance)] *= STIFFER
+    return curves
 
 
 def _samples(contours: ContourMap, closed: NDArray[np.bool_], widest: float) -> _Samples:
@@ -193,11 +218,11 @@ def _raised(values: Floats, t: Floats, s: Floats, p: int) -> Floats:
     return raised
 
 
-def _fitted(samples: _Samples, knots: _Knots) -> Floats:
+def _fitted(samples: _Samples, knots: _Knots, stiffer: Floats | None = None) -> Floats:
     """(n, 2) coefficients of all splines; the first and last of an open one are its contour's own ends."""
     b = _basis(knots, samples.contour, _span_of(knots, samples.contour, samples.parameter), samples.parameter, 0)
     weighted = b.multiply(samples.weight[:, None]).T
-    matrix = weighted @ b + _stiffness(knots)
+    matrix = weighted @ b + _stiffness(knots, np.ones(knots.spans.sum()) if stiffer is None else stiffer)
     right = weighted @ samples.points
     ends, where = _kept_ends(samples, knots)
     free = np.setdiff1d(np.arange(matrix.shape[0]), ends)
@@ -219,7 +244,7 @@ def _kept_ends(samples: _Samples, knots: _Knots) -> tuple[Ints, Ints]:
     return np.r_[begin[opened], begin[opened + 1] - 1], np.r_[first, last]
 
 
-def _stiffness(knots: _Knots) -> sparse.csr_array:
+def _stiffness(knots: _Knots, stiffer: Floats) -> sparse.csr_array:
     """(n, n) the bending term: the second derivative is linear on a span, so two Gauss points integrate its square."""
     owner = np.repeat(np.arange(len(knots.spans)), knots.spans)
     at = np.concatenate([np.arange(f, f + n) for f, n in zip(knots.first, knots.spans)])
@@ -227,7 +252,7 @@ def _stiffness(knots: _Knots) -> sparse.csr_array:
     total: sparse.csr_array | None = None
     for place in (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)):
         b = _basis(knots, owner, at, low + place * (high - low), 2)
-        term = b.multiply((STIFFNESS * (high - low))[:, None] ** 4 * (high - low)[:, None] / 2).T @ b
+        term = b.multiply((stiffer * STIFFNESS * (high - low))[:, None] ** 4 * (high - low)[:, None] / 2).T @ b
         total = term if total is None else total + term
     return total
 
@@ -260,7 +285,7 @@ def _refined(samples: _Samples, distance: Floats, flat: _Knots, knots: list[Floa
     changed, out = False, []
     for t, first, n, ring in zip(knots, flat.first, flat.spans, flat.closed):
         width = np.diff(t)
-        chosen = (worst[first : first + n] > 1.0) & (width > finest[first : first + n])
+        chosen = (worst[first : first + n] > 1.0) & (width > SHORTEST * finest[first : first + n])
         if chosen.any():
             changed = True
             t = _graded(np.sort(np.r_[t, (t[:-1] + t[1:])[chosen] / 2]), bool(ring))

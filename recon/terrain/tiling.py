@@ -24,7 +24,7 @@ Ints = NDArray[np.int64]
 
 NO_SEGMENT = -1
 SPLITS = 4  # times that segments whose chords cross are halved
-FREE_ROUNDS, FLAT_ROUNDS = 3, 12
+FREE_ROUNDS, FLAT_ROUNDS = 1, 12
 
 
 @dataclass(frozen=True, eq=False)

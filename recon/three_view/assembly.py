@@ -17,7 +17,7 @@ from recon.three_view.cells import Cells, next_in_group
 from recon.three_view.fragments import Fragments
 from recon.three_view.view_graph import linked
 
-__all__ = ["assemble", "labels_of", "plausibility"]
+__all__ = ["assemble", "labels_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -70,18 +70,6 @@ def assemble(made: Fragments, cells: Cells, solid: Flags) -> Polyhedron:
     shell = _shells(borders, loops, face_of[borders.fragment])[owner]
     normals = made.planes.normals[made.plane[first]] * label[first][:, None]
     return _polyhedron(points, rings, normals, np.column_stack([body, shell, face_of[first]]))
-
-
-def plausibility(made: Fragments, cells: Cells, solid: Flags) -> tuple[int, int, int, int]:
-    """Numbers of bodies, voids, faces and edge pieces of a solid: the smaller, the more plausible, in that order."""
-    label = labels_of(cells, solid)
-    item, mate = _solid_pairs(cells, solid, label)
-    inside = made.plane[cells.fragment[item]] == made.plane[cells.fragment[mate]]
-    merged = np.column_stack([cells.fragment[item], cells.fragment[mate]])[inside]
-    faces = np.unique(linked(merged, len(made.plane))[label != 0])
-    bodies = np.unique(_bodies(cells, solid)[solid])
-    voids = np.unique(_bodies(cells, ~solid)[~solid])
-    return len(bodies), len(voids) - 1, len(faces), int((~inside).sum())
 
 
 def _solid_pairs(cells: Cells, solid: Flags, label: Ints) -> tuple[Ints, Ints]:

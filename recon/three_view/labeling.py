@@ -16,28 +16,31 @@ from numpy.typing import NDArray
 from pysat.solvers import Solver
 
 from recon.three_view.conditions import Clause, Conditions
+from recon.three_view.counting import exact_count
 from recon.three_view.view_graph import linked
 
-__all__ = ["FreeChoice", "Labelings", "consistent_labelings"]
+__all__ = ["FreeChoice", "Labelings", "consistent_labelings", "is_consistent"]
 
 Flags = NDArray[np.bool_]
-SOLVER = "cadical195"
-EFFORT = 400_000  # literals of listed options, beyond which a choice is called incomplete
-LEAST = 200
+SOLVER = "glucose4"  # the fastest of those whose guesses can be steered
+EFFORT = 200_000  # literals of listed options, beyond which a choice is only counted
+LEAST = 100
 
 
 @dataclass(frozen=True)
 class FreeChoice:
     """Cells that are chosen together, independently of all others.
 
-    cells     numbers of the cells
-    options   for each possible choice the cells among them that are solid
-    complete  whether these are all options
+    cells    numbers of the cells
+    options  for each possible choice the cells among them that are solid; not all when there are very many
+    count    how many options there are
+    exact    whether the count is; a lower bound otherwise
     """
 
     cells: tuple[int, ...]
     options: tuple[frozenset[int], ...]
-    complete: bool
+    count: int
+    exact: bool
 
 
 @dataclass(frozen=True)
@@ -57,12 +60,17 @@ class Labelings:
 
     @property
     def count(self) -> int:
-        """How many there are; a lower bound unless `complete`."""
-        return prod(len(choice.options) for choice in self.choices)
+        """How many there are; a lower bound unless `exact`."""
+        return prod(choice.count for choice in self.choices)
 
     @property
-    def complete(self) -> bool:
-        return all(choice.complete for choice in self.choices)
+    def exact(self) -> bool:
+        return all(choice.exact for choice in self.choices)
+
+    @property
+    def listed(self) -> int:
+        """How many have a number."""
+        return prod(len(choice.options) for choice in self.choices)
 
     def labeling(self, number: int) -> Flags:
         """(n_cells,) which cells are solid, in the labeling of that number from 0."""
@@ -80,13 +88,23 @@ class Labelings:
 
     def __iter__(self) -> Iterator[Flags]:
         """The labelings by number."""
-        return (self.labeling(number) for number in range(self.count))
+        return (self.labeling(number) for number in range(self.listed))
 
 
-def consistent_labelings(given: Conditions, *, limit: int = 100_000) -> Labelings | None:
+def is_consistent(given: Conditions) -> bool:
+    """Whether some labeling keeps the conditions."""
+    clauses = given.clauses()
+    if not all(clauses):
+        return False
+    with Solver(name=SOLVER, bootstrap_with=clauses) as solver:
+        return bool(solver.solve())
+
+
+def consistent_labelings(given: Conditions, *, limit: int = 100_000, seconds: float = 0.0) -> Labelings | None:
     """All labelings that keep the conditions; None when there is none.
 
-    limit  options listed for one free choice before it is called incomplete; fewer where a choice has many cells
+    limit    options listed for one free choice; fewer where a choice has many cells
+    seconds  time for counting the options of a choice that has more
     """
     clauses = given.clauses()
     if not all(clauses):
@@ -94,78 +112,78 @@ def consistent_labelings(given: Conditions, *, limit: int = 100_000) -> Labeling
     with Solver(name=SOLVER, bootstrap_with=clauses) as solver:
         if not solver.solve():
             return None
-        backbone = _backbone(solver, given.n_cells)
-    rest, fixed = _simplified(clauses, backbone, given.n_variables)
-    forced = frozenset(v - 1 for v in range(1, given.n_cells + 1) if fixed[v] > 0)
-    choices = _free_choices(rest, given.n_cells, given.n_variables, fixed, limit)
+        value = _forced(solver, given)
+    rest = _open_clauses(clauses, value)
+    forced = frozenset(v - 1 for v in range(1, given.n_cells + 1) if value[v] > 0)
+    choices = _free_choices(rest, given, value, (limit, seconds))
     return Labelings(given.n_cells, forced, tuple(choices))
 
 
-def _backbone(solver: Solver, n_cells: int) -> list[int]:
-    """Literals of cells that are the same in every model."""
-    candidates = set(solver.get_model()[:n_cells])
-    fixed = []
-    while candidates:
-        literal = candidates.pop()
-        if solver.solve(assumptions=[-literal]):
-            candidates &= set(solver.get_model()[:n_cells])
-        else:
-            fixed.append(literal)
-    return fixed
+def _forced(solver: Solver, given: Conditions) -> list[int]:
+    """(n_variables + 1,) +1 or -1 for a variable that is the same in every model, 0 for the others.
 
-
-def _simplified(clauses: Sequence[Clause], literals: Sequence[int], n: int) -> tuple[list[Clause], list[int]]:
-    """Clauses that are still open once the literals and what follows from them by unit clauses hold."""
-    value = [0] * (n + 1)
-    for literal in literals:
+    Each round asks for a model in which some cell differs from all models before, and guesses that all do.
+    """
+    alike = set(solver.get_model()[: given.n_cells])
+    ask = given.n_variables
+    while alike:
+        ask += 1
+        solver.add_clause([-ask, *(-literal for literal in alike)])
+        solver.set_phases([-literal for literal in alike])
+        if not solver.solve(assumptions=[ask]):
+            break
+        alike &= set(solver.get_model()[: given.n_cells])
+        solver.add_clause([-ask])
+    value = [0] * (ask + 1)
+    _, implied = solver.propagate(assumptions=list(alike))
+    for literal in {*alike, *implied}:
         value[abs(literal)] = 1 if literal > 0 else -1
-    rest = list(clauses)
-    while True:
-        open_clauses, units = [], False
-        for clause in rest:
-            if any(value[abs(x)] * x > 0 for x in clause):
-                continue
-            short = [x for x in clause if not value[abs(x)]]
-            if len(short) == 1:
-                value[abs(short[0])] = 1 if short[0] > 0 else -1
-                units = True
-            else:
-                open_clauses.append(short)
-        rest = open_clauses
-        if not units:
-            return rest, value
+    return value[: given.n_variables + 1]
+
+
+def _open_clauses(clauses: Sequence[Clause], value: Sequence[int]) -> list[Clause]:
+    """Clauses that do not hold yet, without the literals that are known to be false."""
+    return [
+        [x for x in clause if not value[abs(x)]] for clause in clauses if not any(value[abs(x)] * x > 0 for x in clause)
+    ]
 
 
 def _free_choices(
-    clauses: Sequence[Clause], n_cells: int, n_variables: int, fixed: Sequence[int], limit: int
+    clauses: Sequence[Clause], given: Conditions, value: Sequence[int], allowed: tuple[int, float]
 ) -> Iterator[FreeChoice]:
     pairs = np.array([(abs(c[0]), abs(x)) for c in clauses for x in c[1:]], dtype=np.int64).reshape(-1, 2)
-    group = linked(pairs, n_variables + 1)
-    free = [v for v in range(1, n_cells + 1) if not fixed[v]]
-    for part in sorted({int(group[v]) for v in free}):
-        members = [v for v in free if group[v] == part]
-        own = [clause for clause in clauses if group[abs(clause[0])] == part]
-        options, complete = _models(own, members, limit) if own else ([[-members[0]], members], True)
-        yield FreeChoice(
-            tuple(v - 1 for v in members),
-            tuple(frozenset(x - 1 for x in option if x > 0) for option in options),
-            complete,
-        )
+    group = linked(pairs, given.n_variables + 1)
+    members: dict[int, list[int]] = {}
+    for v in range(1, given.n_cells + 1):
+        if not value[v]:
+            members.setdefault(int(group[v]), []).append(v)
+    own: dict[int, list[Clause]] = {part: [] for part in members}
+    for clause in clauses:
+        own.get(int(group[abs(clause[0])]), []).append(clause)
+    for part, cells in members.items():
+        yield _free_choice(own[part], cells, *allowed)
 
 
-def _models(clauses: Sequence[Clause], members: Sequence[int], limit: int) -> tuple[list[list[int]], bool]:
-    """Assignments of the members that some model extends, at most `limit`, and whether these are all."""
+def _free_choice(clauses: Sequence[Clause], cells: Sequence[int], limit: int, seconds: float) -> FreeChoice:
     # members first, so that a model begins with them
-    names = dict.fromkeys([*members, *(abs(x) for clause in clauses for x in clause)])
+    names = dict.fromkeys([*cells, *(abs(x) for clause in clauses for x in clause)])
     number = {name: k + 1 for k, name in enumerate(names)}
     renamed = [[number[abs(x)] * (1 if x > 0 else -1) for x in clause] for clause in clauses]
-    limit = min(limit, max(LEAST, EFFORT // len(members)))
+    models, complete = _models(renamed, len(cells), min(limit, max(LEAST, EFFORT // len(cells))))
+    options = tuple(frozenset(cells[x - 1] - 1 for x in model if x > 0) for model in models)
+    count = None if complete or not seconds else exact_count(renamed, len(cells), seconds=seconds)
+    return FreeChoice(tuple(v - 1 for v in cells), options, count or len(options), complete or count is not None)
+
+
+def _models(clauses: Sequence[Clause], n: int, limit: int) -> tuple[list[list[int]], bool]:
+    """Assignments of the first n variables that some model extends, at most `limit`, and whether these are all."""
     found: list[list[int]] = []
-    with Solver(name="glucose4", bootstrap_with=renamed) as solver:
+    with Solver(name=SOLVER, bootstrap_with=[*clauses, [n, -n]]) as solver:
+        solver.set_phases([-v for v in range(n + 1, solver.nof_vars() + 1)])  # rather fewer corners
         while solver.solve():
             if len(found) == limit:
                 return found, False
-            model = solver.get_model()[: len(members)]
-            found.append([name if x > 0 else -name for name, x in zip(members, model)])
+            model = solver.get_model()[:n]
+            found.append(model)
             solver.add_clause([-x for x in model])
     return found, True

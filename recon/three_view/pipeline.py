@@ -10,7 +10,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice, product
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 from recon.errors import BadOption, NoSolid
 from recon.geometry.polyhedron import Polyhedron
 from recon.geometry.views import ThreeViews
-from recon.three_view.assembly import assemble, plausibility
+from recon.three_view.assembly import assemble
 from recon.three_view.cells import Cells, space_cells
 from recon.three_view.conditions import Conditions, conditions
 from recon.three_view.conflicts import Change, DrawnLine, Repair, minimal_conflict, moved_lines, repaired, retyped_lines
 from recon.three_view.edges import candidate_edges
 from recon.three_view.fragments import Fragments, fragments
-from recon.three_view.labeling import FreeChoice, Labelings, consistent_labelings
+from recon.three_view.labeling import Labelings, consistent_labelings, is_consistent
 from recon.three_view.planes import candidate_planes
+from recon.three_view.plausibility import ranked
 from recon.three_view.sight_lines import sight_lines
 from recon.three_view.snapping import snap_lengths
 from recon.three_view.verification import Difference, differences
@@ -37,7 +38,6 @@ __all__ = ["Diagnosis", "Interpretation", "ViewsOptions", "all_polyhedra", "diag
 Flags = NDArray[np.bool_]
 
 MOVES = 40  # shifts of a line that are tried
-RANKED = 200  # options of one choice, and solids, that are compared to tell which is most plausible
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,15 @@ class ViewsOptions:
 
     snap        length: ends of lines that lie closer are one; None lets the drawing tell
     line_types  whether dashed means hidden and drawn through visible; False when the drawing does not tell them apart
-    limit       options listed for one free choice; the count is a lower bound when there are more
+    limit       options listed for one free choice; when there are more, they are counted
+    seconds     time for counting; the count is a lower bound when it does not suffice
     Raises      BadOption.
     """
 
     snap: float | None = None
     line_types: bool = True
     limit: int = 100_000
+    seconds: float = 10.0
 
     def __post_init__(self) -> None:
         if self.snap is not None and not 0 < self.snap < np.inf:
@@ -90,12 +92,17 @@ class Interpretation:
 
     @property
     def count(self) -> int:
-        """Number of solids; a lower bound unless `complete`."""
+        """Number of solids; a lower bound unless `exact`."""
         return self.labelings.count
 
     @property
+    def exact(self) -> bool:
+        return self.labelings.exact
+
+    @property
     def complete(self) -> bool:
-        return self.labelings.complete
+        """Whether every solid has a number."""
+        return self.exact and self.labelings.listed == self.count
 
     def polyhedra(self) -> Iterator[Polyhedron]:
         """One solid after the other."""
@@ -104,8 +111,9 @@ class Interpretation:
 
     def polyhedron(self, number: int) -> Polyhedron:
         """The solid of a number, 0 the most plausible; raises BadOption when there are not so many."""
-        if not 0 <= number < self.count:
-            raise BadOption("--solution", f"there are {self.count}, numbered from 1; {number + 1} is none of them")
+        if not 0 <= number < self.labelings.listed:
+            listed = f"{self.labelings.listed} are" + ("" if self.complete else f" listed of {self.count}, and are")
+            raise BadOption("--solution", f"{listed} numbered from 1; {number + 1} is none of them")
         return assemble(self.arrangement.fragments, self.arrangement.cells, self.labelings.labeling(number))
 
     def differences(self, solid: Polyhedron) -> list[Difference]:
@@ -116,9 +124,10 @@ class Interpretation:
 def all_polyhedra(drawing: ThreeViews, options: ViewsOptions | None = None) -> Iterator[Polyhedron]:
     """Every solid that a drawing can mean, most plausible first, each drawn again and compared before it is shown.
 
+    Very many are not all listed (`Interpretation.complete`), and not counted here.
     Raises  NoSolid when there is none.
     """
-    found = interpret(drawing, options)
+    found = interpret(drawing, replace(options or ViewsOptions(), seconds=0.0))
     return (solid for solid in found.polyhedra() if not found.differences(solid))
 
 
@@ -134,10 +143,11 @@ def interpret(
         doing("dividing space")
         arranged = arrange(drawing, snap, line_types=options.line_types)
         doing("choosing solid cells")
-        labelings = consistent_labelings(arranged.conditions, limit=options.limit)
+        labelings = consistent_labelings(arranged.conditions, limit=options.limit, seconds=options.seconds)
         if labelings is not None:
             doing("ranking the solids")
-            return Interpretation(drawing, snap, arranged, _ranked(arranged, labelings), options.line_types)
+            order = ranked(arranged.fragments, arranged.cells, labelings)
+            return Interpretation(drawing, snap, arranged, order, options.line_types)
     raise NoSolid("no solid is drawn like this")
 
 
@@ -168,7 +178,7 @@ def diagnose(drawing: ThreeViews, options: ViewsOptions | None = None, *, limit:
 def _mends(drawing: ThreeViews, repair: Repair, snap: float, options: ViewsOptions) -> bool:
     """Whether a solid draws as the repaired drawing."""
     again = arrange(repaired(drawing, repair), snap, line_types=options.line_types)
-    return consistent_labelings(again.conditions, limit=1) is not None
+    return is_consistent(again.conditions)
 
 
 def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True, both_types: bool = False) -> Arrangement:
@@ -180,36 +190,3 @@ def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True, both_t
     cells = space_cells(made, sights)
     hidden = [graph.hidden if line_types else None for graph in graphs]
     return Arrangement(graphs, made, cells, conditions(made, cells, sights, hidden, both_types=both_types))
-
-
-def _ranked(arranged: Arrangement, labelings: Labelings) -> Labelings:
-    """The same labelings, the options of each choice sorted by the solid they give beside the first of all others."""
-    choices = list(labelings.choices)
-    for k, choice in enumerate(choices):
-        if len(choice.options) > 1:
-            options = choice.options
-            cost = [_cost(arranged, _with_option(labelings, choices, k, option)) for option in options[:RANKED]]
-            order = sorted(range(len(cost)), key=lambda i: cost[i])
-            choices[k] = replace(choice, options=(*(options[i] for i in order), *options[RANKED:]))
-    ranked = replace(labelings, choices=tuple(choices))
-    if len(choices) > 1 and 1 < labelings.count <= RANKED:
-        return _ranked_together(arranged, ranked)
-    return ranked
-
-
-def _ranked_together(arranged: Arrangement, labelings: Labelings) -> Labelings:
-    """Few solids: their common order, best first; the choices are kept beside it."""
-    picks = list(product(*(range(len(choice.options)) for choice in labelings.choices)))
-    cost = [_cost(arranged, solid) for solid in labelings]
-    return replace(labelings, order=tuple(picks[i] for i in sorted(range(len(picks)), key=lambda i: cost[i])))
-
-
-def _with_option(labelings: Labelings, choices: list[FreeChoice], k: int, option: frozenset[int]) -> Flags:
-    picked = [option if j == k else other.options[0] for j, other in enumerate(choices)]
-    solid = np.zeros(labelings.n_cells, dtype=bool)
-    solid[list(labelings.forced.union(*picked))] = True
-    return solid
-
-
-def _cost(arranged: Arrangement, solid: Flags) -> tuple[int, int, int, int]:
-    return plausibility(arranged.fragments, arranged.cells, solid)

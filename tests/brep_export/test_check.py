@@ -293,7 +293,7 @@ def test_the_triangulation_is_closed_and_near() -> None:
 
 def test_the_json_object_has_the_keys_of_the_contract() -> None:
     keys = "type valid closed solids shells faces edges free_edges volume area bounding_box max_tolerance max_gap "
-    keys += "max_edge_angle_deg self_intersections read_back"
+    keys += "max_edge_angle_deg max_smooth_edge_angle_deg self_intersections read_back gate"
     json = check(box(), TOLERANCE).as_json()
     assert list(json) == keys.split()
     assert json["type"] == "solid" and json["volume"] == pytest.approx(6000) and json["edges"] == 12

@@ -51,6 +51,7 @@ def test_help_answers_without_loading_anything_heavy(words):
         (["patch", "a.step", "-o", "a.step"], "never written to"),
         (["patch", "a.ply", "-o", "a.step", "-o", "a.step"], "twice"),
         (["patch", "a.ply", "-o", "a.step", "--picture", "a.jpg"], ".png"),
+        (["patch", "a.ply", "-o", "a.step", "--report", "a.pdf"], ".html"),
         (["patch", "a.ply", "-o", "a.step", "--thickness", "-2"], "thickness"),
         (["patch", "a.ply", "-o", "a.step", "--picks", "p.json"], "p.json"),
         (["check", "nowhere.step"], "nowhere.step"),
@@ -70,6 +71,16 @@ def test_json_says_the_same_as_the_sentence(tmp_path):
     assert set(answer) >= KEYS
     assert answer["verdict"] == "refused"
     assert answer["reasons"][0] in run.stderr
+
+
+def test_a_report_has_a_picture_even_where_none_was_asked_for(tmp_path):
+    box = pytest.importorskip("cadquery").Workplane().box(1, 2, 3)
+    box.val().exportStep(str(tmp_path / "box.step"))
+    run = recon("check", "box.step", "--report", "page.html", "--json", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert json.loads(run.stdout)["outputs"] == ["page.html"]
+    assert {path.name for path in tmp_path.iterdir()} == {"box.step", "page.html"}
+    assert "data:image/png;base64," in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.skipif(not BAD, reason="the folder of bad files is not beside this checkout")

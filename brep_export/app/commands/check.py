@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from brep_export.app.commands.options import AllowOpen, AsJson, Debug, Picture, Quiet, Timeout
+from brep_export.app.commands.options import AllowOpen, AsJson, Debug, Picture, Quiet, Report, Timeout
 from brep_export.app.front_desk import answer
 
 __all__ = ["check"]
@@ -17,6 +17,7 @@ def check(
     inputs: Annotated[Path, typer.Argument(metavar="CAD_FILE", help="STEP, IGES or BREP file.")],
     tolerance: Annotated[float, typer.Option(help="Largest tolerance and gap allowed, in the file's unit.")] = 0.05,
     picture: Picture = None,
+    report: Report = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     timeout: Timeout = None,

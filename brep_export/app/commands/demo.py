@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from brep_export.app.commands.options import AsJson, Debug, Quiet, Timeout
+from brep_export.app.commands.options import AsJson, Debug, Quiet, Report, Timeout
 from brep_export.app.front_desk import answer
 
 __all__ = ["demo"]
@@ -16,6 +16,7 @@ JOB = "brep_export.app.demo_job:demo"
 def demo(
     directory: Annotated[Path, typer.Option("--directory", "-d", help="Where the files go.")] = Path("demo"),
     seed: Annotated[int, typer.Option(help="Another seed breaks another vessel.")] = 1,
+    report: Report = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     timeout: Timeout = None,
@@ -23,4 +24,5 @@ def demo(
 ) -> None:
     """Make a vessel, break it, lose a sherd, rebuild it, and compare the two."""
     outputs = [directory / f"piece{ending}" for ending in (".step", ".stl")]
-    answer("demo", JOB, locals(), inputs=[], picture=directory / "piece.png", make_directory=directory)
+    page = report or directory / "piece.html"
+    answer("demo", JOB, locals(), inputs=[], picture=directory / "piece.png", report=page, make_directory=directory)

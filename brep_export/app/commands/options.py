@@ -21,6 +21,7 @@ __all__ = [
     "Picture",
     "ProtocolSchema",
     "Quiet",
+    "Report",
     "Schema",
     "Timeout",
     "Unit",
@@ -51,6 +52,7 @@ Outputs = Annotated[
     ),
 ]
 Picture = Annotated[Path | None, typer.Option(help="Write a rendered picture (.png).")]
+Report = Annotated[Path | None, typer.Option(help="Write a page with the verdict, the figures and pictures (.html).")]
 ProtocolSchema = Annotated[Schema, typer.Option(help="STEP application protocol.")]
 Name = Annotated[str | None, typer.Option(help="Name of the part in the file's header.")]
 UnitOfScans = Annotated[Unit | None, typer.Option(help="Unit of the scans; if not given the file's own, else mm.")]

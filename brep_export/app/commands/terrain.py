@@ -15,6 +15,7 @@ from brep_export.app.commands.options import (
     Picture,
     ProtocolSchema,
     Quiet,
+    Report,
     Schema,
     Timeout,
 )
@@ -52,6 +53,7 @@ def terrain(
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,
     picture: Picture = None,
+    report: Report = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     timeout: Timeout = None,

@@ -5,7 +5,18 @@ from typing import Annotated
 
 import typer
 
-from brep_export.app.commands.options import AsJson, Debug, Force, Name, Picture, ProtocolSchema, Quiet, Schema, Timeout
+from brep_export.app.commands.options import (
+    AsJson,
+    Debug,
+    Force,
+    Name,
+    Picture,
+    ProtocolSchema,
+    Quiet,
+    Report,
+    Schema,
+    Timeout,
+)
 from brep_export.app.front_desk import answer
 from brep_export.app.outputs import ENDINGS
 
@@ -35,6 +46,7 @@ def views(
     schema: ProtocolSchema = Schema.AP214,
     name: Name = None,
     picture: Picture = None,
+    report: Report = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     timeout: Timeout = None,
