@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
+from threadpoolctl import threadpool_limits
 
 from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
@@ -129,6 +130,12 @@ def confidence(piece: MissingPiece) -> Confidence:
     Promises  never fails: where the walls cannot do without a sherd, the error with which sectors around the hole
               foretell each other stands for the disagreement of the fits.
     """
+    # small matrices: threads of the linear algebra library would wait for each other
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _confidence(piece)
+
+
+def _confidence(piece: MissingPiece) -> Confidence:
     explained = 0.0 if piece.relief is None else float(np.clip(piece.relief.explained, 0.0, 1.0))
     around = piece.around
     outer = _wall(piece.outer, around.outer, around.axis, explained)
@@ -169,7 +176,7 @@ def _wall(sheet: Sheet, wall: Wall, axis: Axis | None, explained: float) -> Wall
         return _boxed(sheet, wall)
     fit = fit_wall(wall, axis)
     left = fit.ring.distance - fit.residual.at(fit.ring.chart)
-    fits = [_stand_off(other, sheet) for other in _fits_without(wall, axis, fit.residual.stiffness)]
+    fits = [_stand_off(other, sheet) for other in _fits_without(wall, axis, fit)]
     return WallConfidence(
         sheet.trimmed.surface,
         float(np.hypot(_root_mean_square(sheet.edge_distance), fit.unit * _out_of_place(fit))),
@@ -187,10 +194,10 @@ def _wall(sheet: Sheet, wall: Wall, axis: Axis | None, explained: float) -> Wall
     )
 
 
-def _fits_without(wall: Wall, axis: Axis, stiffness: float) -> Iterator[WallFit]:
+def _fits_without(wall: Wall, axis: Axis, whole: WallFit) -> Iterator[WallFit]:
     for less in _leaving_out(_thinned(wall)):
         try:
-            yield fit_wall(less, axis, stiffness=stiffness)
+            yield fit_wall(less, axis, like=whole)
         except NoSurface:
             continue
 
