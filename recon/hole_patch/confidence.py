@@ -7,8 +7,8 @@ not been found, and, off the neighbours' fracture, how the crack ran.
      σ ^         .------------.         level inside: scatter r of the wall about the fit, edge's own stand-off e,
        |       .'              '.       disagreement J of the fits
        |     .'                  '.
-       |____'                      '____ at the edge: s, by which the face misses what was measured
-       +----+---- hole -------------+--> along the wall
+       |____'                      '____ at the edge: s, by which the face misses what was measured, and what was
+       +----+---- hole -------------+--> along the wall      measured is itself out of place
 
     σ²(p) = s² + J²(p) + (1 - ρ²) (r² + e²)         root of the mean square error that is to be expected
     ρ(d)  = exp(-(d / ℓ)²)                          correlation with the edge, d away from p: what is left is the
@@ -36,6 +36,7 @@ from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.fitting import SAMPLE_RADIUS, edge_samples, fit_surface
 from recon.hole_patch.pipeline import MissingPiece
+from recon.hole_patch.settling import Settling
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, ShownThickness, Wall
 from recon.hole_patch.wheel_sheet import WallFit, fit_wall
@@ -62,7 +63,7 @@ class WallConfidence:
     """How far one wall of the piece may be trusted.
 
     surface    of the wall's sheet
-    missed     s in millimetres: how far the face misses the edge, and how far sherds as a whole are out of place
+    missed     s in millimetres: how far the face misses the edge, and how far single sherds and all are out of place
     scatter    r in millimetres, less the share of relief that was continued
     fading     ℓ in millimetres
     n_left_out number of sherds without which the wall was fitted again
@@ -139,9 +140,12 @@ def _confidence(piece: MissingPiece) -> Confidence:
     explained = 0.0 if piece.relief is None else float(np.clip(piece.relief.explained, 0.0, 1.0))
     around = piece.around
     outer = _wall(piece.outer, around.outer, around.axis, explained)
+    astray = _all_out_of_place(piece.settling)
+    outer = replace(outer, missed=float(np.hypot(outer.missed, astray)))
     inner = None
     if piece.inner is not None and around.inner is not None:
         inner = _wall(piece.inner, around.inner, around.axis, 0.0)
+        inner = replace(inner, missed=float(np.hypot(inner.missed, astray)))
     elif piece.inner is not None:
         inner = _offset_wall(piece.inner, outer, around.shown)
     edges = [wall.edge.points[wall.edge.sherds >= 0] for wall in (around.outer, around.inner) if wall is not None]
@@ -149,6 +153,13 @@ def _confidence(piece: MissingPiece) -> Confidence:
     if fracture is not None and fracture.n_faces:
         return Confidence(outer, inner, TriangleTree(fracture.vertices, fracture.face_vertices))
     return Confidence(outer, inner, cKDTree(np.concatenate(edges)))
+
+
+def _all_out_of_place(settling: Settling | None) -> float:
+    """Millimetres: n sherds that came out of place each on its own are, once they fit each other, so by a √n-th."""
+    if settling is None or not settling.settled:
+        return 0.0
+    return _root_mean_square(np.array([move.shift_mm for move in settling.moves])) / float(np.sqrt(len(settling.moves)))
 
 
 class _Edge:

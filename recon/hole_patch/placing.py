@@ -43,6 +43,7 @@ Ints = NDArray[np.int64]
 
 TOLERANCE = 0.05  # mm: a fracture is rough, and no direction is perfectly free
 MISFIT = 3.0  # times the median distance between settled neighbours, which 2 % of a normal law go beyond to one side
+ROUNDING = 1e-6  # mm
 FEWEST = 10  # points that face a neighbour, of which a share means something
 REACH = 3.0  # mm: a sherd farther away is no neighbour
 SPACING, MOST_POINTS = 0.4, 20_000  # mm between points on the fracture, and how many a large piece may have
@@ -194,24 +195,29 @@ def _reachable(number: int, sherd: TriangleMesh, around: cKDTree, spacing: float
 
 def _neighbour(near: _Near, points: FacePoints, body: Solid | None, piece: TriangleTree) -> Neighbour:
     tree = TriangleTree(near.mesh.vertices, near.mesh.face_vertices)
-    usual = _usual_gap(near, points, tree)
     if body is None or near.solid is None:
-        return Neighbour(near.sherd, _least_gap(near, points, tree, piece), usual, None, None)
+        return Neighbour(near.sherd, _least_gap(near, points, tree, piece), _usual_gap(near, points, tree), None, None)
     common = body.common(near.solid)
     volume = max(common.volume, 0.0)
     if volume <= 1e-9 * body.volume:
-        return Neighbour(near.sherd, _least_gap(near, points, tree, piece), usual, 0.0, 0.0)
-    return Neighbour(near.sherd, -_depth(common, tree, piece), usual, volume, volume / body.volume)
+        least = _least_gap(near, points, tree, piece)
+        return Neighbour(near.sherd, least, _usual_gap(near, points, tree, deepest=0.0), 0.0, 0.0)
+    depth = _depth(common, tree, piece)
+    return Neighbour(near.sherd, -depth, _usual_gap(near, points, tree, deepest=depth), volume, volume / body.volume)
 
 
-def _usual_gap(near: _Near, points: FacePoints, sherd: TriangleTree) -> float | None:
-    """Over the piece's points that have the sherd's fracture before them, each for its share of its face's area."""
+def _usual_gap(near: _Near, points: FacePoints, sherd: TriangleTree, *, deepest: float = np.inf) -> float | None:
+    """Over the piece's points that have the sherd's fracture before them, each for its share of its face's area.
+
+    deepest  depth that no point exceeds: what seems deeper lies outside, behind a far side of the sherd
+    """
     away, other = cKDTree(near.points.places).query(points.places, distance_upper_bound=CONTACT)
     close = np.flatnonzero(away < CONTACT)
     facing = close[np.einsum("ij,ij->i", points.normals[close], near.points.normals[other[close]]) < OPPOSED]
     if len(facing) < FEWEST:
         return None
     gap = signed_distances(sherd, near.mesh, near.normals, points.places[facing])
+    gap = np.where(gap < -(deepest + ROUNDING), -gap, gap)
     order = np.argsort(gap)
     total = np.cumsum(points.areas[facing][order])
     return float(gap[order[np.searchsorted(total, ROUGH * total[-1])]])

@@ -168,6 +168,13 @@ def test_gap_between_two_boxes() -> None:
     assert neighbour.overlap_mm3 == 0.0
 
 
+def test_no_usual_gap_is_deeper_than_the_deepest_cut(vessel: BrokenVessel) -> None:
+    neighbours = place(vessel.lost, vessel.sherds).neighbours
+    assert all(one.usual_gap_mm is None or one.usual_gap_mm >= one.gap_mm - 1e-6 for one in neighbours)
+    facing = [one.usual_gap_mm for one in neighbours if one.usual_gap_mm is not None]
+    assert len(facing) >= 3 and np.abs(facing).max() < 0.01  # the sherd that was lost lies where it lay
+
+
 def test_a_sherd_that_is_not_closed_has_no_overlap_but_a_direction() -> None:
     plug, sherds = plug_in_block(prism(7.0, 8.0))
     block = sherds[0]
