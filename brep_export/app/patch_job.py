@@ -34,7 +34,7 @@ from recon.hole_patch.pipeline import (
     patch_holes,
     with_smoother_edge,
 )
-from recon.hole_patch.placing import place
+from recon.hole_patch.placing import Placing, place, scans_tolerance
 from recon.hole_patch.thickness import Thickness, piece_thickness
 from recon.readers.meshes import read_mesh
 from recon.readers.picks import read_picks
@@ -118,13 +118,16 @@ def kernel_piece(piece: MissingPiece) -> tuple[TopoDS_Shape, ShapeKind]:
 
 @dataclass(frozen=True, eq=False)
 class _Proved:
-    """A piece with its kernel shape, what the gate said of it, and how far it may be trusted."""
+    """A piece with its kernel shape, what the gate said of it, and how far it may be trusted; notes about it
+    begin with the name.
+    """
 
     piece: MissingPiece
     thickness: Thickness | None
     shape: TopoDS_Shape
     report: CheckReport
     trust: Confidence
+    name: str
 
     def parcel(self, outputs: Sequence[str], picture: str | None) -> Parcel:
         triangles = self.report.triangulation
@@ -133,7 +136,7 @@ class _Proved:
         return Parcel(self.shape, self.report, outputs, picture, paint, colours=_colours(expected, outputs))
 
     def figures(self, bench: Bench) -> dict[str, Any]:
-        return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self.piece.sherds, self.report, bench)
+        return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self, bench)
 
 
 def patch_answer(
@@ -242,7 +245,7 @@ def _proved(piece: MissingPiece, request: Mapping[str, Any], bench: Bench, *, na
             bench.note(f"{name}{piece.notes[-1]}")
     with bench.phase("reconstruct", f"{name}fitting again without each sherd"):
         trust = confidence(piece)
-    return _Proved(piece, thickness, shape, report, trust)
+    return _Proved(piece, thickness, shape, report, trust, name)
 
 
 def _through_the_gate(piece: MissingPiece, bench: Bench, name: str) -> tuple[TopoDS_Shape, CheckReport]:
@@ -332,19 +335,44 @@ def _trust(trust: Confidence) -> dict[str, Any]:
     }
 
 
-def _fit(sherds: Sequence[TriangleMesh], report: CheckReport, bench: Bench) -> dict[str, Any]:
+def _fit(proved: _Proved, bench: Bench) -> dict[str, Any]:
     """How a closed piece lies between its neighbours, and the way in which it is set in."""
+    piece, report = proved.piece, proved.report
     if report.expected is not ShapeKind.SOLID or not report.passed:
         return {}
-    with bench.phase("check", "setting the piece in"):
-        placing = place(report.triangles(), sherds)
+    with bench.phase("check", f"{proved.name}setting the piece in"):
+        placing = place(report.triangles(), piece.sherds, tolerance=scans_tolerance(piece.settling))
+    for note in placing.notes:
+        bench.note(f"{proved.name}{note}")
+    return _placing_figures(placing)
+
+
+def _placing_figures(placing: Placing) -> dict[str, Any]:
+    """Sherds are named by their number among those given, or, where a file held several, among all of them."""
     gaps = [neighbour.gap_mm for neighbour in placing.neighbours]
+    usual = [n.usual_gap_mm for n in placing.neighbours if n.usual_gap_mm is not None]
     overlaps = [n.overlap_share for n in placing.neighbours if n.overlap_share is not None]
     way = placing.insert_direction
     return {
-        "gap": {"min": min(gaps, default=None), "overlap": sum(overlaps) if overlaps else None, "unit": "mm, share"},
+        "gap": {
+            "min": min(gaps, default=None),
+            "usual": min(usual, default=None),
+            "overlap": sum(overlaps) if overlaps else None,
+            "unit": "mm, share",
+        },
+        "neighbours": [
+            {
+                "sherd": n.sherd,
+                "gap": {"min": n.gap_mm, "usual": n.usual_gap_mm},
+                "overlap": {"mm3": n.overlap_mm3, "share": n.overlap_share},
+                "holds": n.sherd in placing.held_by,
+            }
+            for n in placing.neighbours
+        ],
         "insert_direction": None if way is None else [float(x) for x in way],
         "undercut_mm": placing.undercut_mm,
+        "held_share": placing.held_share,
+        "tolerance_mm": placing.tolerance_mm,
         "collision_free": placing.collision_free,
     }
 

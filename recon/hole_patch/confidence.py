@@ -7,8 +7,8 @@ not been found, and, off the neighbours' fracture, how the crack ran.
      σ ^         .------------.         level inside: scatter r of the wall about the fit, edge's own stand-off e,
        |       .'              '.       disagreement J of the fits
        |     .'                  '.
-       |____'                      '____ at the edge: s, by which the face misses what was measured
-       +----+---- hole -------------+--> along the wall
+       |____'                      '____ at the edge: s, by which the face misses what was measured, and what was
+       +----+---- hole -------------+--> along the wall      measured is itself out of place
 
     σ²(p) = s² + J²(p) + (1 - ρ²) (r² + e²)         root of the mean square error that is to be expected
     ρ(d)  = exp(-(d / ℓ)²)                          correlation with the edge, d away from p: what is left is the
@@ -29,12 +29,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
+from threadpoolctl import threadpool_limits
 
 from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.fitting import SAMPLE_RADIUS, edge_samples, fit_surface
 from recon.hole_patch.pipeline import MissingPiece
+from recon.hole_patch.settling import Settling
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, ShownThickness, Wall
 from recon.hole_patch.wheel_sheet import WallFit, fit_wall
@@ -61,7 +63,7 @@ class WallConfidence:
     """How far one wall of the piece may be trusted.
 
     surface    of the wall's sheet
-    missed     s in millimetres: how far the face misses the edge, and how far sherds as a whole are out of place
+    missed     s in millimetres: how far the face misses the edge, and how far single sherds and all are out of place
     scatter    r in millimetres, less the share of relief that was continued
     fading     ℓ in millimetres
     n_left_out number of sherds without which the wall was fitted again
@@ -129,12 +131,21 @@ def confidence(piece: MissingPiece) -> Confidence:
     Promises  never fails: where the walls cannot do without a sherd, the error with which sectors around the hole
               foretell each other stands for the disagreement of the fits.
     """
+    # small matrices: threads of the linear algebra library would wait for each other
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _confidence(piece)
+
+
+def _confidence(piece: MissingPiece) -> Confidence:
     explained = 0.0 if piece.relief is None else float(np.clip(piece.relief.explained, 0.0, 1.0))
     around = piece.around
     outer = _wall(piece.outer, around.outer, around.axis, explained)
+    astray = _all_out_of_place(piece.settling)
+    outer = replace(outer, missed=float(np.hypot(outer.missed, astray)))
     inner = None
     if piece.inner is not None and around.inner is not None:
         inner = _wall(piece.inner, around.inner, around.axis, 0.0)
+        inner = replace(inner, missed=float(np.hypot(inner.missed, astray)))
     elif piece.inner is not None:
         inner = _offset_wall(piece.inner, outer, around.shown)
     edges = [wall.edge.points[wall.edge.sherds >= 0] for wall in (around.outer, around.inner) if wall is not None]
@@ -142,6 +153,13 @@ def confidence(piece: MissingPiece) -> Confidence:
     if fracture is not None and fracture.n_faces:
         return Confidence(outer, inner, TriangleTree(fracture.vertices, fracture.face_vertices))
     return Confidence(outer, inner, cKDTree(np.concatenate(edges)))
+
+
+def _all_out_of_place(settling: Settling | None) -> float:
+    """Millimetres: n sherds that came out of place each on its own are, once they fit each other, so by a √n-th."""
+    if settling is None or not settling.settled:
+        return 0.0
+    return _root_mean_square(np.array([move.shift_mm for move in settling.moves])) / float(np.sqrt(len(settling.moves)))
 
 
 class _Edge:
@@ -169,7 +187,7 @@ def _wall(sheet: Sheet, wall: Wall, axis: Axis | None, explained: float) -> Wall
         return _boxed(sheet, wall)
     fit = fit_wall(wall, axis)
     left = fit.ring.distance - fit.residual.at(fit.ring.chart)
-    fits = [_stand_off(other, sheet) for other in _fits_without(wall, axis, fit.residual.stiffness)]
+    fits = [_stand_off(other, sheet) for other in _fits_without(wall, axis, fit)]
     return WallConfidence(
         sheet.trimmed.surface,
         float(np.hypot(_root_mean_square(sheet.edge_distance), fit.unit * _out_of_place(fit))),
@@ -187,10 +205,10 @@ def _wall(sheet: Sheet, wall: Wall, axis: Axis | None, explained: float) -> Wall
     )
 
 
-def _fits_without(wall: Wall, axis: Axis, stiffness: float) -> Iterator[WallFit]:
+def _fits_without(wall: Wall, axis: Axis, whole: WallFit) -> Iterator[WallFit]:
     for less in _leaving_out(_thinned(wall)):
         try:
-            yield fit_wall(less, axis, stiffness=stiffness)
+            yield fit_wall(less, axis, like=whole)
         except NoSurface:
             continue
 

@@ -24,11 +24,20 @@ from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree
 from recon.numerics.overlap import FacePoints, face_points
 
-__all__ = ["Passage", "Way", "best_way", "outward_direction", "passage_between"]
+__all__ = [
+    "CONTACT",
+    "OPPOSED",
+    "ROUGH",
+    "Passage",
+    "Way",
+    "best_way",
+    "outward_direction",
+    "passage_between",
+    "signed_distances",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 REACH = 3.0  # mm: how deep a point may be in a neighbour and still be found there
 CONTACT = 1.0  # mm: a sherd is misplaced by less, and a wall is thicker
@@ -42,6 +51,7 @@ UPRIGHT = 0.5  # least cosine between a foot's way and the normal there
 STEEP = 0.3  # least sine between w and the normal of a wall that can be shaved across w
 SEARCHED, SWEPT = 500, 4000  # points of the fracture that are moved to search a direction, and to judge it
 FINEST = 60  # steps of the way, when it is short
+ROUGH = 0.02  # of a fracture: crumbs and chips, which come off with the fingers
 EXAMINED = 3000  # points that go deepest by the quick test, measured exactly
 
 
@@ -51,7 +61,8 @@ class Passage(NamedTuple):
     fracture   points of the piece that see a neighbour's fracture before them
     wall       points of the neighbours' fractures that face it, and a tree of them
     mesh       the neighbours in one mesh, and (V, 3) normals of its vertices
-    facing     numbers of its faces that are those fractures
+    owner      (F,) the neighbour that each of its faces is of, by its place among them
+    facing     numbers of the faces that are those fractures
     spacing    between the points, in millimetres
     """
 
@@ -60,6 +71,7 @@ class Passage(NamedTuple):
     wall_tree: cKDTree
     mesh: TriangleMesh
     normals: Floats
+    owner: Ints
     facing: Ints
     spacing: float
 
@@ -87,7 +99,7 @@ def passage_between(points: FacePoints, near: Sequence[tuple[TriangleMesh, Float
     near     meshes, all within reach of the piece, each with the normals (V, 3) of its vertices
     spacing  between points, in millimetres
     """
-    mesh, normals = _joined(near)
+    mesh, normals, owner = _joined(near)
     wall = face_points(mesh.vertices, mesh.face_vertices, spacing)
     away, other = cKDTree(wall.places).query(points.places, distance_upper_bound=CONTACT)
     touching = np.flatnonzero(away <= CONTACT)
@@ -101,7 +113,7 @@ def passage_between(points: FacePoints, near: Sequence[tuple[TriangleMesh, Float
     # without the rims of the fracture: a point below one would be nearer to the outer wall than to what holds it
     held_by = wall.of(np.isin(wall.faces, facing))
     fracture = points.of(touching[opposed])
-    return Passage(fracture, held_by, cKDTree(held_by.places), mesh, normals, facing, spacing)
+    return Passage(fracture, held_by, cKDTree(held_by.places), mesh, normals, owner, facing, spacing)
 
 
 class Way(NamedTuple):
@@ -109,6 +121,7 @@ class Way(NamedTuple):
 
     undercut     greatest depth of the fracture in a neighbour on the way, across the direction, in millimetres
     mean, held   mean of that depth over the fracture, and the share where it exceeds the tolerance
+    held_by      the neighbours, by their places, without which the way is free
     from_inside  the direction is not on the side of the vessel's outside
     """
 
@@ -116,7 +129,13 @@ class Way(NamedTuple):
     undercut: float
     mean: float
     held: float
+    held_by: tuple[int, ...]
     from_inside: bool
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing is held but crumbs."""
+        return self.held <= ROUGH
 
 
 def best_way(passage: Passage, outward: Floats, tolerance: float) -> Way:
@@ -126,7 +145,7 @@ def best_way(passage: Passage, outward: Floats, tolerance: float) -> Way:
     tolerance  undercut in millimetres that does not count
     """
     outside = _way(passage, _searched(passage, outward), tolerance)
-    if outside.undercut <= tolerance:
+    if outside.free:
         return outside
     inside = _way(passage, _searched(passage, -outward), tolerance)._replace(from_inside=True)
     return inside if inside.mean < 0.5 * outside.mean else outside
@@ -187,10 +206,13 @@ def _cost(passage: Passage, direction: Floats) -> float:
 
 
 class _Swept(NamedTuple):
-    """Positions (m, 3) on the way, how deep each is (m,), and the first position (k,) of each point."""
+    """Positions (m, 3) on the way, how deep each is (m,), and the number (m,) of the nearest face or -1; (k,) the first
+    position of each point.
+    """
 
     places: Floats
     depth: Floats
+    faces: Ints
     first: Ints
 
     def deepest(self) -> Floats:
@@ -220,7 +242,9 @@ def _swept(passage: Passage, direction: Floats, step: float) -> _Swept:
     beside = (across > STEEP) & (aside < 2.0 * passage.spacing)
     depth = np.zeros(len(places))
     depth[found[beside]] = np.maximum(-height[beside] / across[beside], 0.0)
-    return _Swept(places, depth, first)
+    faces = np.full(len(places), -1)
+    faces[found] = passage.wall.faces[near[found]]
+    return _Swept(places, depth, faces, first)
 
 
 def _way(passage: Passage, direction: Floats, tolerance: float) -> Way:
@@ -230,7 +254,21 @@ def _way(passage: Passage, direction: Floats, tolerance: float) -> Way:
     swept = _swept(passage.with_points(SWEPT), direction, step)
     deepest = swept.deepest()
     undercut = _undercut(passage, direction, swept)
-    return Way(direction, undercut, float(deepest.mean()), float((deepest > tolerance).mean()), False)
+    held_by = _held_by(passage, swept, tolerance)
+    return Way(direction, undercut, float(deepest.mean()), float((deepest > tolerance).mean()), held_by, False)
+
+
+def _held_by(passage: Passage, swept: _Swept, tolerance: float) -> tuple[int, ...]:
+    """The neighbours that hold most, until the others hold no more than crumbs."""
+    point = np.repeat(np.arange(len(swept.first)), np.diff(swept.first, append=len(swept.depth)))
+    deep = swept.depth > tolerance
+    holds = np.zeros((len(swept.first), int(passage.owner.max()) + 1), dtype=bool)
+    holds[point[deep], passage.owner[swept.faces[deep]]] = True
+    held_by: list[int] = []
+    while holds.any(axis=1).mean() > ROUGH:
+        held_by.append(int(holds.sum(axis=0).argmax()))
+        holds[:, held_by[-1]] = False
+    return tuple(sorted(held_by))
 
 
 def _undercut(passage: Passage, direction: Floats, swept: _Swept) -> float:
@@ -238,7 +276,10 @@ def _undercut(passage: Passage, direction: Floats, swept: _Swept) -> float:
     candidates = np.argsort(-swept.depth)[:EXAMINED]
     candidates = candidates[swept.depth[candidates] > 0.0]
     if len(candidates):
-        candidates = candidates[_is_inside(passage, swept.places[candidates])]
+        mesh = passage.mesh
+        tree = TriangleTree(mesh.vertices, mesh.face_vertices)
+        behind = signed_distances(tree, mesh, passage.normals, swept.places[candidates]) < 0.0
+        candidates = candidates[behind]
     if len(candidates) == 0:
         return 0.0
     facing = passage.mesh.part(passage.facing)
@@ -249,19 +290,20 @@ def _undercut(passage: Passage, direction: Floats, swept: _Swept) -> float:
     return float(np.minimum(measured, swept.depth[candidates]).max())
 
 
-def _is_inside(passage: Passage, places: Floats) -> Bools:
-    """(m,) whether points near the neighbours' surface lie behind it, by the normals of its vertices at the foot point.
+def signed_distances(tree: TriangleTree, mesh: TriangleMesh, normals: Floats, places: Floats) -> Floats:
+    """(m,) distances of places near a surface, negative behind it, by the normals of its vertices at the foot point.
 
+    tree     of the mesh, whose vertices have the normals (V, 3)
     Unlike the normal of a face they give the right side at edges too, where several faces are equally near. A foot on
-    the border, where the sherd was cut off, lies sideways and says nothing.
+    the border, where the sherd was cut off, lies sideways and says nothing: the distance is positive then.
     """
-    mesh = passage.mesh
-    closest = TriangleTree(mesh.vertices, mesh.face_vertices).closest(places)
+    closest = tree.closest(places)
     corners = mesh.face_vertices[closest.faces]
     weight = _barycentric(closest.points, mesh.vertices[corners])
-    normal = np.einsum("ij,ijk->ik", weight, passage.normals[corners])
+    normal = np.einsum("ij,ijk->ik", weight, normals[corners])
     height = np.einsum("ij,ij->i", places - closest.points, normal)
-    return np.asarray(height < -UPRIGHT * closest.distances * np.linalg.norm(normal, axis=1))
+    behind = height < -UPRIGHT * closest.distances * np.linalg.norm(normal, axis=1)
+    return np.where(behind, -closest.distances, closest.distances)
 
 
 def _barycentric(points: Floats, corners: Floats) -> Floats:
@@ -275,9 +317,10 @@ def _barycentric(points: Floats, corners: Floats) -> Floats:
     return np.clip(np.stack(shares, axis=1), 0.0, 1.0)
 
 
-def _joined(near: Sequence[tuple[TriangleMesh, Floats]]) -> tuple[TriangleMesh, Floats]:
-    """All parts in one mesh, with the normals of its vertices."""
+def _joined(near: Sequence[tuple[TriangleMesh, Floats]]) -> tuple[TriangleMesh, Floats, Ints]:
+    """All parts in one mesh, with the normals of its vertices, and the part of each face."""
     first = np.cumsum([0] + [mesh.n_vertices for mesh, _ in near])
     faces = np.concatenate([mesh.face_vertices + k for (mesh, _), k in zip(near, first)])
     joined = TriangleMesh(np.concatenate([mesh.vertices for mesh, _ in near]), faces, "neighbours")
-    return joined, np.concatenate([normals for _, normals in near])
+    owner = np.repeat(np.arange(len(near)), [mesh.n_faces for mesh, _ in near])
+    return joined, np.concatenate([normals for _, normals in near]), owner

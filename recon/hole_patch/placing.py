@@ -16,20 +16,35 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from threadpoolctl import threadpool_limits
 
 from recon.geometry.arrays import frozen_floats
 from recon.geometry.mesh import TriangleMesh
-from recon.hole_patch.insertion import Passage, Way, best_way, outward_direction, passage_between
+from recon.hole_patch.insertion import (
+    CONTACT,
+    OPPOSED,
+    ROUGH,
+    Passage,
+    Way,
+    best_way,
+    outward_direction,
+    passage_between,
+    signed_distances,
+)
+from recon.hole_patch.settling import Settling
 from recon.numerics.distance import TriangleTree
 from recon.numerics.halfedges import vertex_normals
 from recon.numerics.overlap import FacePoints, Solid, face_points, solid
 
-__all__ = ["Neighbour", "Placing", "place"]
+__all__ = ["Neighbour", "Placing", "place", "scans_tolerance"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 TOLERANCE = 0.05  # mm: a fracture is rough, and no direction is perfectly free
+MISFIT = 3.0  # times the median distance between settled neighbours, which 2 % of a normal law go beyond to one side
+ROUNDING = 1e-6  # mm
+FEWEST = 10  # points that face a neighbour, of which a share means something
 REACH = 3.0  # mm: a sherd farther away is no neighbour
 SPACING, MOST_POINTS = 0.4, 20_000  # mm between points on the fracture, and how many a large piece may have
 POSITIONS = 12  # on the way, at which the overlap is measured; closer together near the place
@@ -40,13 +55,17 @@ class Neighbour:
     """How the piece lies beside one sherd.
 
     sherd          its number among the sherds given
-    gap_mm         least distance, or, where the two cut into each other, minus the greatest depth
+    gap_mm         least distance, or, where the two cut into each other, minus the greatest depth: that of a crumb, or
+                   of noise, which takes even the lost piece itself a tenth into its neighbours
+    usual_gap_mm   what all but `ROUGH` of the fracture that faces the sherd keep of it, negative inside it; None where
+                   no fracture faces it
     overlap_mm3    volume that both claim; None where the sherd or the piece is no closed mesh
     overlap_share  the same as a share of the piece's volume
     """
 
     sherd: int
     gap_mm: float
+    usual_gap_mm: float | None
     overlap_mm3: float | None
     overlap_share: float | None
 
@@ -62,8 +81,11 @@ class Placing:
     undercut_mm        greatest depth, across that direction, by which the fracture is held on its way, its depth in
                        place included: what has to be shaved off; None without a direction
     held_share         share of the fracture that is held by more than the tolerance; None without a direction
+    held_by            sherds to be set in after the piece: along that direction the others let it pass
     worst_overlap_mm3  greatest volume that piece and neighbours both claim, in place or on the way
-    collision_free     the undercut, and the overlap by its mean depth over the fracture, stay within the tolerance
+    tolerance_mm       depth that counts as none
+    collision_free     all but `ROUGH` of the fracture, and the overlap by its mean depth over it, stay within the
+                       tolerance in place and on the way
     notes              sentences for the report
     """
 
@@ -72,7 +94,9 @@ class Placing:
     from_inside: bool
     undercut_mm: float | None
     held_share: float | None
+    held_by: tuple[int, ...]
     worst_overlap_mm3: float | None
+    tolerance_mm: float
     collision_free: bool | None
     notes: tuple[str, ...] = field(default=())
 
@@ -91,30 +115,48 @@ def place(piece: TriangleMesh, sherds: Sequence[TriangleMesh], *, tolerance: flo
     Promises   never fails on a mesh that is not closed: what needs a volume is None then, and the notes say so. Sets
                in from outside where it can; from inside only where that halves the undercut.
     """
+    # small products: threads of the linear algebra library would wait for each other
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _placing(piece, sherds, tolerance)
+
+
+def scans_tolerance(settling: Settling | None) -> float:
+    """Millimetres by which two fractures of the same crack cut into each other as the sherds are scanned and placed."""
+    if settling is None or not np.isfinite(settling.gap_after):
+        return TOLERANCE
+    return max(TOLERANCE, MISFIT * settling.gap_after)
+
+
+def _placing(piece: TriangleMesh, sherds: Sequence[TriangleMesh], tolerance: float) -> Placing:
     body = solid(piece.vertices, piece.face_vertices)
     spacing = max(SPACING, float(np.sqrt(np.linalg.norm(piece.area_vectors(), axis=1).sum() / MOST_POINTS)))
     points = face_points(piece.vertices, piece.face_vertices, spacing)
-    reachable = (_reachable(k, sherd, piece, spacing) for k, sherd in enumerate(sherds))
-    near = [one for one in reachable if one is not None and one.distance(points).min() < REACH]
+    around = cKDTree(points.places)
+    reachable = (_reachable(k, sherd, around, spacing) for k, sherd in enumerate(sherds))
+    near = [one for one in reachable if one is not None]
     tree = TriangleTree(piece.vertices, piece.face_vertices)
     neighbours = tuple(_neighbour(one, points, body, tree) for one in near)
     notes = _notes_on_closedness(body, near)
     passage = passage_between(points, [(one.mesh, one.normals) for one in near], spacing) if near else None
     if passage is None:
         notes.append("No fracture of a sherd faces the piece: the direction to set it in is unknown.")
-        return Placing(neighbours, None, False, None, None, _total(neighbours), None, tuple(notes))
+        unknown = _total(neighbours)
+        return Placing(neighbours, None, False, None, None, (), unknown, tolerance, None, tuple(notes))
     way = best_way(passage, outward_direction(points.places, sherds), tolerance)
     worst = max((_overlap_at(body, near, way, t) for t in _positions(passage, way)), default=None, key=_or_nothing)
     allowed = tolerance * passage.area()
-    notes += _notes_on_way(way, neighbours, tolerance)
+    held_by = tuple(near[k].sherd for k in way.held_by)
+    notes += _notes_on_way(way, neighbours, held_by)
     return Placing(
         neighbours,
         -way.direction,
         way.from_inside,
         way.undercut,
         way.held,
+        held_by,
         worst,
-        way.undercut <= tolerance and _or_nothing(worst) <= allowed,
+        tolerance,
+        way.free and _or_nothing(worst) <= allowed,
         tuple(notes),
     )
 
@@ -133,17 +175,20 @@ class _Near(NamedTuple):
         return np.asarray(cKDTree(self.points.places).query(points.places, distance_upper_bound=REACH)[0])
 
 
-def _reachable(number: int, sherd: TriangleMesh, piece: TriangleMesh, spacing: float) -> _Near | None:
-    """None where no face of the sherd comes near the piece's bounding box."""
+def _reachable(number: int, sherd: TriangleMesh, around: cKDTree, spacing: float) -> _Near | None:
+    """None where nothing of the sherd comes within `REACH` of the piece, of which `around` holds points."""
+    low, high = around.mins - REACH, around.maxes + REACH
     corners = sherd.corners()
-    low, high = piece.vertices.min(axis=0) - REACH, piece.vertices.max(axis=0) + REACH
-    close = ((corners.max(axis=1) > low) & (corners.min(axis=1) < high)).all(axis=1)
-    if not close.any():
+    close = np.flatnonzero(((corners.max(axis=1) > low) & (corners.min(axis=1) < high)).all(axis=1))
+    middles = corners[close].mean(axis=1)
+    reach = REACH + spacing + np.linalg.norm(corners[close] - middles[:, None], axis=2).max(axis=1, initial=0.0)
+    close = close[around.query(middles)[0] < reach] if len(close) else close
+    if len(close) == 0:
         return None
     normals = vertex_normals(sherd.vertices, sherd.face_vertices)[np.unique(sherd.face_vertices[close])]
     mesh = sherd.part(close)
     points = face_points(mesh.vertices, mesh.face_vertices, spacing)
-    if len(points.places) == 0:
+    if len(points.places) == 0 or around.query(points.places, distance_upper_bound=REACH)[0].min() >= REACH:
         return None
     return _Near(number, mesh, normals, points, solid(sherd.vertices, sherd.face_vertices))
 
@@ -151,12 +196,31 @@ def _reachable(number: int, sherd: TriangleMesh, piece: TriangleMesh, spacing: f
 def _neighbour(near: _Near, points: FacePoints, body: Solid | None, piece: TriangleTree) -> Neighbour:
     tree = TriangleTree(near.mesh.vertices, near.mesh.face_vertices)
     if body is None or near.solid is None:
-        return Neighbour(near.sherd, _least_gap(near, points, tree, piece), None, None)
+        return Neighbour(near.sherd, _least_gap(near, points, tree, piece), _usual_gap(near, points, tree), None, None)
     common = body.common(near.solid)
     volume = max(common.volume, 0.0)
     if volume <= 1e-9 * body.volume:
-        return Neighbour(near.sherd, _least_gap(near, points, tree, piece), 0.0, 0.0)
-    return Neighbour(near.sherd, -_depth(common, tree, piece), volume, volume / body.volume)
+        least = _least_gap(near, points, tree, piece)
+        return Neighbour(near.sherd, least, _usual_gap(near, points, tree, deepest=0.0), 0.0, 0.0)
+    depth = _depth(common, tree, piece)
+    return Neighbour(near.sherd, -depth, _usual_gap(near, points, tree, deepest=depth), volume, volume / body.volume)
+
+
+def _usual_gap(near: _Near, points: FacePoints, sherd: TriangleTree, *, deepest: float = np.inf) -> float | None:
+    """Over the piece's points that have the sherd's fracture before them, each for its share of its face's area.
+
+    deepest  depth that no point exceeds: what seems deeper lies outside, behind a far side of the sherd
+    """
+    away, other = cKDTree(near.points.places).query(points.places, distance_upper_bound=CONTACT)
+    close = np.flatnonzero(away < CONTACT)
+    facing = close[np.einsum("ij,ij->i", points.normals[close], near.points.normals[other[close]]) < OPPOSED]
+    if len(facing) < FEWEST:
+        return None
+    gap = signed_distances(sherd, near.mesh, near.normals, points.places[facing])
+    gap = np.where(gap < -(deepest + ROUNDING), -gap, gap)
+    order = np.argsort(gap)
+    total = np.cumsum(points.areas[facing][order])
+    return float(gap[order[np.searchsorted(total, ROUGH * total[-1])]])
 
 
 def _least_gap(near: _Near, points: FacePoints, sherd: TriangleTree, piece: TriangleTree) -> float:
@@ -209,15 +273,16 @@ def _notes_on_closedness(body: Solid | None, near: list[_Near]) -> list[str]:
     return [f"{which} not closed: only the gap was measured there, not the overlap."]
 
 
-def _notes_on_way(way: Way, neighbours: tuple[Neighbour, ...], tolerance: float) -> list[str]:
+def _notes_on_way(way: Way, neighbours: tuple[Neighbour, ...], held_by: tuple[int, ...]) -> list[str]:
     notes = []
     if way.from_inside:
         notes.append("The piece is set in from the vessel's inside: check that it passes through the mouth.")
-    if way.undercut > tolerance:
+    if held_by:
         in_place = max([0.0, *(-one.gap_mm for one in neighbours)])
+        which = "sherd" if len(held_by) == 1 else "sherds"
         notes.append(
             f"No direction is free: on its best way the piece is held over {way.held:.0%} of its fracture, by up to"
-            f" {way.undercut:.2f} mm, and in place it cuts {in_place:.2f} mm into its neighbours: shave that off, or"
-            " set neighbours in after it."
+            f" {way.undercut:.2f} mm, and in place it cuts up to {in_place:.2f} mm into its neighbours: shave that off,"
+            f" or set {which} {', '.join(map(str, held_by))} in after it."
         )
     return notes

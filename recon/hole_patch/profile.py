@@ -42,7 +42,7 @@ from recon.hole_patch.section_samples import (
     wrapped,
 )
 from recon.hole_patch.surroundings import Axis, Wall
-from recon.hole_patch.unit_length import axis_in, unit_length, wall_in
+from recon.hole_patch.unit_length import axis_in, scaled_curve, unit_length, wall_in
 from recon.numerics.ribbons import fold_point
 
 __all__ = ["Profile", "wall_profile"]
@@ -131,13 +131,16 @@ class Profile:
         return s
 
 
-def wall_profile(wall: Wall, axis: Axis, *, reach: float = REACH, nearness: float = NEARNESS) -> Profile:
+def wall_profile(
+    wall: Wall, axis: Axis, *, reach: float = REACH, nearness: float = NEARNESS, start: BSplineCurve | None = None
+) -> Profile:
     """The profile of a wall near its hole, read off the wall as scanned.
 
     As scanned, not as smoothed: the turn averages noise and relief away just as well, and a low-pass filter that is
     strong enough for relief cuts across the bend between base and wall by up to a millimetre.
     reach     units by which the profile goes on beyond the hole where the wall does
     nearness  radians; walls count by exp(-θ²/2 nearness²) of their angle from the hole
+    start     the profile's curve for nearly the same wall, from where it is sooner found
     Promises  runs from base to mouth, and on down the inner wall where the wall runs over the lip; its normal on the
               side of the wall's normals; straight on by `EXTENDED` units beyond the wall, but not over the axis; parts
               off the wheel's surface (a handle, a spout) do not bend it. Where the hole lies over the axis, the profile
@@ -145,17 +148,18 @@ def wall_profile(wall: Wall, axis: Axis, *, reach: float = REACH, nearness: floa
     Raises    NoSurface when the wall near the hole gives no single profile, or the hole leaves too little of it.
     """
     unit = unit_length(wall, axis)
-    profile = _profile_in_units(wall_in(wall, unit), axis_in(axis, unit), reach, nearness)
-    curve, crossing = profile.curve, profile.crossing
+    start = None if start is None else scaled_curve(start, 1.0 / unit)
+    profile = _profile_in_units(wall_in(wall, unit), axis_in(axis, unit), reach, nearness, start)
+    crossing = profile.crossing
     return Profile(
         axis,
-        BSplineCurve(curve.degree, curve.knots * unit, curve.control_points * unit),
+        scaled_curve(profile.curve, unit),
         profile.middle,
         None if crossing is None else crossing * unit,
     )
 
 
-def _profile_in_units(wall: Wall, axis: Axis, reach: float, nearness: float) -> Profile:
+def _profile_in_units(wall: Wall, axis: Axis, reach: float, nearness: float, start: BSplineCurve | None) -> Profile:
     edge = axis.cylindrical(wall.edge.points)
     over = _lies_over_axis(edge)
     middle, nearness = (0.0, np.inf) if over else (_middle_angle(edge), nearness)
@@ -170,11 +174,11 @@ def _profile_in_units(wall: Wall, axis: Axis, reach: float, nearness: float) -> 
     together = np.isfinite(s)
     samples, s = samples.of(near).of(together), s[together]
     if over:
-        curve = fit_curve(*mirrored(samples, s))
+        curve = fit_curve(*mirrored(samples, s), start=start)
         return Profile(axis, curve, middle, _crossing(curve))
     if wall.over_lip:
-        return Profile(axis, fit_lip_curve(samples, s, side=edge_length(wall.measured)), middle)
-    return Profile(axis, fit_curve(samples, s), middle)
+        return Profile(axis, fit_lip_curve(samples, s, side=edge_length(wall.measured), start=start), middle)
+    return Profile(axis, fit_curve(samples, s, start=start), middle)
 
 
 def _check_rim_left(edge: Floats, over: bool) -> None:

@@ -30,8 +30,9 @@ from recon.hole_patch.relief_search import ReliefSearch, foretell, predicted
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, Wall
 from recon.hole_patch.trim_loop import even_points, parameter_loop
+from recon.hole_patch.unit_length import wall_in
 from recon.hole_patch.wheel_chart import RolledChart, wheel_chart
-from recon.hole_patch.wheel_sheet import with_clean_edge
+from recon.hole_patch.wheel_sheet import fit_wall
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
@@ -103,7 +104,9 @@ def continue_relief(outer: Sheet, wall: Wall, axis: Axis | None) -> ReliefSheet:
         reason = "the vessel is not round" if chart is None else "the hole lies over the axis, where nothing repeats"
         return ReliefSheet(_noted(outer, f"No relief was continued: {reason}."), ReliefSource.NONE)
     if wall.over_lip:
-        wall = with_clean_edge(wall, chart)
+        # the same points of the edge as the sheet's, which were chosen in the vessel's units
+        fit = fit_wall(wall, chart.profile.axis)
+        wall = wall_in(fit.wall, 1.0 / fit.unit)
     edge = chart.flat(wall.edge.points, wall.edge.normals)[:, :2]
     around = relief_map(wall, chart, edge)
     ring = _Ring.around(around, edge)

@@ -16,7 +16,7 @@ from recon.hole_patch.section_samples import edge_length
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, HoleEdge, Wall
 
-__all__ = ["RADIUS", "axis_in", "scaled_sheet", "unit_length", "wall_in"]
+__all__ = ["RADIUS", "axis_in", "scaled_curve", "scaled_sheet", "unit_length", "wall_in"]
 
 RADIUS = 80.0  # of the vessel whose unit is a millimetre; vessels with 15 to 170 mm came out best so, or as well
 MOST_OF_EDGE = 3.3  # units that an edge of the mesh may be long: between vertices nothing can be followed
@@ -45,12 +45,17 @@ def scaled_sheet(sheet: Sheet, factor: float) -> Sheet:
         sheet,
         trimmed=TrimmedSurface(
             _scaled_surface(sheet.trimmed.surface, factor),
-            tuple(TrimLoop(tuple(_scaled_pcurve(c, factor) for c in loop.pcurves)) for loop in sheet.trimmed.loops),
+            tuple(TrimLoop(tuple(scaled_curve(c, factor) for c in loop.pcurves)) for loop in sheet.trimmed.loops),
         ),
         edge_distance=sheet.edge_distance * factor,
         base=None if sheet.base is None else _scaled_surface(sheet.base, factor),
         lip=None if sheet.lip is None else sheet.lip * factor,
     )
+
+
+def scaled_curve(curve: BSplineCurve, factor: float) -> BSplineCurve:
+    """A curve made larger, its parameter too."""
+    return replace(curve, knots=curve.knots * factor, control_points=curve.control_points * factor)
 
 
 def _scaled_surface(surface: BSplineSurface, factor: float) -> BSplineSurface:
@@ -60,10 +65,6 @@ def _scaled_surface(surface: BSplineSurface, factor: float) -> BSplineSurface:
         knots_v=surface.knots_v * factor,
         control_net=surface.control_net * factor,
     )
-
-
-def _scaled_pcurve(curve: BSplineCurve, factor: float) -> BSplineCurve:
-    return replace(curve, knots=curve.knots * factor, control_points=curve.control_points * factor)
 
 
 def _mesh_in(mesh: TriangleMesh, unit: float) -> TriangleMesh:

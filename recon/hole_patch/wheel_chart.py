@@ -17,6 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.geometry.bspline import BSplineCurve
 from recon.hole_patch.profile import Profile, wall_profile
 from recon.hole_patch.surroundings import Axis, Wall
 
@@ -27,6 +28,10 @@ Floats = NDArray[np.float64]
 
 class WheelChart(Protocol):
     """Both charts turn right-handed (u, v) into normals away from the vessel's inside."""
+
+    @property
+    def profile(self) -> Profile:
+        """What is turned."""
 
     def flat(self, points: Floats, normals: Floats | None = None) -> Floats:
         """(m, 3) u, v and d of points (m, 3); normals (m, 3) of the wall there tell the sides of a lip apart."""
@@ -118,9 +123,12 @@ class DiskChart:
         return np.full(2, -np.inf), np.full(2, np.inf)
 
 
-def wheel_chart(wall: Wall, axis: Axis) -> WheelChart:
-    """The chart that suits the hole in a wall; raises NoSurface as `wall_profile` does."""
-    profile = wall_profile(wall, axis)
+def wheel_chart(wall: Wall, axis: Axis, *, start: BSplineCurve | None = None) -> WheelChart:
+    """The chart that suits the hole in a wall; raises NoSurface as `wall_profile` does.
+
+    start  the profile's curve for nearly the same wall
+    """
+    profile = wall_profile(wall, axis, start=start)
     if profile.crossing is not None:
         return DiskChart(profile, profile.crossing)
     return RolledChart(profile, float(axis.cylindrical(wall.edge.points)[:, 1].mean()))

@@ -38,7 +38,7 @@ from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, HoleEdge, Wall
 from recon.hole_patch.trim_loop import SPACING as TRIM_SPACING
 from recon.hole_patch.trim_loop import parameter_loop
-from recon.hole_patch.unit_length import RADIUS, axis_in, scaled_sheet, unit_length, wall_in
+from recon.hole_patch.unit_length import RADIUS, axis_in, scaled_curve, scaled_sheet, unit_length, wall_in
 from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
@@ -166,19 +166,20 @@ def _sheet_in_units(fit: WallFit, n_curves: int) -> Sheet:
     )
 
 
-def fit_wall(wall: Wall, axis: Axis, *, stiffness: float | None = None) -> WallFit:
+def fit_wall(wall: Wall, axis: Axis, *, like: WallFit | None = None) -> WallFit:
     """The chart of a wall, its residual and the hole's edge in it; raises NoSurface as `wheel_sheet` does.
 
-    stiffness  of the residual, where it was chosen before
+    like  the fit of nearly the same wall: its profile is where this one's begins, and the residual is as stiff
     """
     unit = unit_length(wall, axis)
     wall, axis = wall_in(wall, unit), axis_in(axis, unit)
-    chart = wheel_chart(wall, axis)
+    start = None if like is None else scaled_curve(like.chart.profile.curve, like.unit / unit)
+    chart = wheel_chart(wall, axis, start=start)
     if wall.over_lip:
         wall = with_clean_edge(wall, chart, DOWN / unit)
     edge = chart.flat(wall.edge.points, wall.edge.normals)
     ring = _ring(wall, chart, edge)
-    residual = fit_residual(ring, chart.stretch, stiffness=stiffness)
+    residual = fit_residual(ring, chart.stretch, stiffness=None if like is None else like.residual.stiffness)
     if residual.foretold > OUT_OF_ROUND:
         raise NoSurface(
             "The wall around the hole is not round: left-out parts of it were missed by"

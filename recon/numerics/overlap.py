@@ -57,14 +57,17 @@ def solid(vertices: Floats, faces: Ints) -> Solid | None:
 
 
 class FacePoints(NamedTuple):
-    """Points on the faces of a mesh: (n, 3) places, (n, 3) unit normals of their faces, (n,) numbers of the faces."""
+    """Points on the faces of a mesh: (n, 3) places, (n, 3) unit normals of their faces, (n,) numbers of the faces, and
+    (n,) areas that they stand for.
+    """
 
     places: Floats
     normals: Floats
     faces: Ints
+    areas: Floats
 
     def of(self, which: NDArray[np.bool_] | Ints) -> "FacePoints":
-        return FacePoints(self.places[which], self.normals[which], self.faces[which])
+        return FacePoints(*(column[which] for column in self))
 
 
 def face_points(vertices: Floats, faces: Ints, spacing: float) -> FacePoints:
@@ -85,4 +88,5 @@ def face_points(vertices: Floats, faces: Ints, spacing: float) -> FacePoints:
     folded = r + s > 1.0
     r, s = np.where(folded, 1.0 - r, r)[:, None], np.where(folded, 1.0 - s, s)[:, None]
     unit = normal[face] / twice[face, None]
-    return FacePoints((1.0 - r - s) * a[face] + r * b[face] + s * c[face], unit, face)
+    areas = 0.5 * twice[face] / count[face]
+    return FacePoints((1.0 - r - s) * a[face] + r * b[face] + s * c[face], unit, face, areas)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -35,6 +37,15 @@ def test_the_stated_share_of_points_lies_within_the_stated_bound(marked: list[Ma
     off = np.concatenate([errors_in_sigmas(vessel, trust) for vessel, _, trust in marked])
     assert (off < BOUND).mean() >= SHARE
     assert np.median(off) > 0.2  # 0.67 of a normal law; a bound that is kept because it is wide would say nothing
+
+
+def test_sherds_that_had_to_be_moved_may_be_out_of_place_together(marked: list[Marked]) -> None:
+    _, piece, trust = marked[0]
+    assert piece.settling is not None and piece.settling.settled
+    moves = np.array([move.shift_mm for move in piece.settling.moves])
+    astray = np.sqrt(np.mean(moves**2) / len(moves))
+    left = confidence(replace(piece, settling=None))
+    assert trust.outer.missed == pytest.approx(np.hypot(left.outer.missed, astray))
 
 
 def test_the_edge_is_known_and_the_middle_is_not(marked: list[Marked]) -> None:

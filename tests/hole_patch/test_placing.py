@@ -5,8 +5,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from recon.geometry.mesh import TriangleMesh
-from recon.hole_patch.placing import place
+from recon.hole_patch.placing import place, scans_tolerance
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
+from recon.hole_patch.settling import Settling
 from recon.numerics.overlap import face_points, solid
 
 HEIGHT = 6.0
@@ -105,12 +106,56 @@ def test_a_gap_as_wide_as_the_bulge_sets_the_plug_free() -> None:
     assert placing.neighbours[0].gap_mm == pytest.approx(0.32, rel=0.03)
 
 
+@pytest.mark.parametrize("turn", [None, Rotation.from_rotvec([0.7, -0.4, 1.1])], ids=["upright", "turned"])
+def test_a_crumb_on_a_wedge_is_told_from_its_gap(turn: Rotation | None) -> None:
+    slant = 1.0 / np.hypot(1.0, 1.0 / HEIGHT)  # the wedge widens by a millimetre over its height
+    crumb = box((7.0, -0.3, 2.7), (8.1, 0.3, 3.3))
+    plug, hole = (prism(7.0, 8.0) ^ BLOCK) + crumb, prism(7.1, 8.1) ^ BLOCK
+    placing = place(as_mesh(plug, turn), [as_mesh(BLOCK - hole, turn), as_mesh(BELOW, turn)])
+    (neighbour,) = placing.neighbours
+    assert neighbour.gap_mm == pytest.approx(-(8.1 - 7.1 - 2.7 / HEIGHT) * slant)
+    assert neighbour.usual_gap_mm == pytest.approx(0.1 * slant, rel=1e-6)
+    assert neighbour.overlap_mm3 == pytest.approx(0.6 * 0.6 * (8.1 - 7.6))
+    assert placing.collision_free and placing.held_by == ()
+    down = -UP if turn is None else turn.apply(-UP)
+    assert placing.insert_direction is not None
+    assert angle(placing.insert_direction, down) < np.degrees(np.arctan(1.0 / HEIGHT))
+
+
+def test_without_the_sherds_that_hold_it_the_way_is_free() -> None:
+    half = [(8.0, 7.0), (9.0, 7.5), (8.0, 8.0)]  # to the right, where it bulges, and to the front and back
+    rings = [(x, y, 3.0 * k) for k, (right, deep) in enumerate(half) for x in (-8.0, right) for y in (-deep, deep)]
+    plug = manifold3d.Manifold.hull_points(np.array(rings))
+    parts = [
+        box((6, -20, 0), (20, 20, HEIGHT)),
+        box((-20, -20, 0), (-6, 20, HEIGHT)),
+        box((-6, -20, 0), (6, 0, HEIGHT)),
+        box((-6, 0, 0), (6, 20, HEIGHT)),
+    ]
+    right, left, front, back = (as_mesh(part - plug) for part in parts)
+    placing = place(as_mesh(plug), [front, right, left, back, as_mesh(BELOW)])
+    assert placing.collision_free is False
+    assert 1 in placing.held_by and not {0, 3} & set(placing.held_by)
+    others = [sherd for k, sherd in enumerate([front, right, left, back, as_mesh(BELOW)]) if k not in placing.held_by]
+    assert place(as_mesh(plug), others).collision_free
+    assert "sherds 1, 2" in placing.notes[0] or "sherd 1" in placing.notes[0]
+
+
+def test_what_counts_as_a_collision_follows_the_scans() -> None:
+    assert scans_tolerance(None) == scans_tolerance(Settling((), (), np.nan, np.nan, False)) == 0.05
+    assert scans_tolerance(Settling((), (), 0.1, 0.01, True)) == 0.05
+    assert scans_tolerance(Settling((), (), 0.3, 0.1, True)) == pytest.approx(0.3)
+    bulging = plug_in_block(stacked_squares([0.0, HEIGHT / 2, HEIGHT], [8.0, 8.2, 8.0]))
+    assert place(*bulging).collision_free is False
+    assert place(*bulging, tolerance=0.3).collision_free
+
+
 def test_overlap_and_depth_of_two_boxes() -> None:
     piece, sherd = as_mesh(box((0, 0, 0), (10, 10, 4))), as_mesh(box((9.5, 2, 1), (20, 7, 3)))
     (neighbour,) = place(piece, [sherd]).neighbours
     assert neighbour.overlap_mm3 == pytest.approx(0.5 * 5 * 2)
     assert neighbour.overlap_share == pytest.approx(5.0 / 400.0)
-    assert neighbour.gap_mm == pytest.approx(-0.5)
+    assert neighbour.gap_mm == neighbour.usual_gap_mm == pytest.approx(-0.5)
 
 
 def test_gap_between_two_boxes() -> None:
@@ -119,8 +164,15 @@ def test_gap_between_two_boxes() -> None:
     placing = place(piece, [far, sherd])
     (neighbour,) = placing.neighbours
     assert neighbour.sherd == 1
-    assert neighbour.gap_mm == pytest.approx(0.7)
+    assert neighbour.gap_mm == neighbour.usual_gap_mm == pytest.approx(0.7)
     assert neighbour.overlap_mm3 == 0.0
+
+
+def test_no_usual_gap_is_deeper_than_the_deepest_cut(vessel: BrokenVessel) -> None:
+    neighbours = place(vessel.lost, vessel.sherds).neighbours
+    assert all(one.usual_gap_mm is None or one.usual_gap_mm >= one.gap_mm - 1e-6 for one in neighbours)
+    facing = [one.usual_gap_mm for one in neighbours if one.usual_gap_mm is not None]
+    assert len(facing) >= 3 and np.abs(facing).max() < 0.01  # the sherd that was lost lies where it lay
 
 
 def test_a_sherd_that_is_not_closed_has_no_overlap_but_a_direction() -> None:
