@@ -35,6 +35,7 @@ from recon.hole_patch.surroundings import Axis, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
+from recon.hole_patch.wall_check import check_wall_piece
 from recon.hole_patch.wheel_sheet import fit_wall, wheel_sheet
 
 __all__ = [
@@ -327,10 +328,12 @@ def _shape(
 ) -> ThickPiece | LipPiece | TrimmedSurface:
     if outer.lip is not None:
         piece = lip_piece(outer, around.fracture, clearance=options.clearance)
-        check_rim_piece(piece, around)
+        check_rim_piece(piece, around, clearance=options.clearance)
         return piece
     if inner is not None:
-        return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
+        thick = thick_piece(outer, inner, around.fracture, clearance=options.clearance)
+        check_wall_piece(thick, around, clearance=options.clearance)
+        return thick
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
 
 
