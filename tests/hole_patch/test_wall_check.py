@@ -13,10 +13,10 @@ from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import ThickPiece
 from recon.hole_patch.pipeline import MissingPiece, PatchOptions, patch_hole
 from recon.hole_patch.sample_vessel import VesselOptions, _profile, broken_vessel
-from recon.hole_patch.wall_check import WallFigures, wall_figures
+from recon.hole_patch.wall_check import WallFigures, check_fracture_met, check_walls_go_on, wall_figures
 
 OPTIONS = VesselOptions(edge=2.0, seed=3)
-GOOD = WallFigures(outer=0.02, inner=0.0, place=np.zeros(3), fracture=0.99)
+GOOD = WallFigures(outer=0.02, inner=0.0, place=np.zeros(3))
 
 
 @cache
@@ -24,29 +24,41 @@ def piece(clearance: float = 0.0) -> MissingPiece:
     return patch_hole(broken_vessel(OPTIONS).sherds, PatchOptions(clearance=clearance))
 
 
-@pytest.mark.parametrize(
-    ("figure", "value", "reason"),
-    [("outer", 0.2, "the outer wall"), ("inner", 0.2, "the inner wall"), ("fracture", 0.7, "neighbours' fracture")],
-)
-def test_every_figure_of_a_piece_can_refuse_it(figure: str, value: float, reason: str) -> None:
+@pytest.mark.parametrize("name", ["outer", "inner"])
+@pytest.mark.parametrize(("at_foot", "reason"), [(True, "at the vessel's foot"), (False, "A handle")])
+def test_a_wall_that_does_not_go_on_is_named_with_the_reason(name: str, at_foot: bool, reason: str) -> None:
     assert GOOD.problem() == ""
-    assert reason in replace(GOOD, **{figure: value}).problem()
+    problem = replace(GOOD, **{name: 0.2}, at_foot=at_foot).problem()
+    assert f"the {name} wall" in problem
+    assert reason in problem
 
 
-def test_a_right_piece_meets_its_neighbours_walls_and_fracture() -> None:
+def test_in_a_right_piece_both_walls_go_on() -> None:
     made = piece()
-    assert isinstance(made.shape, ThickPiece)
-    figures = wall_figures(made.shape, made.around)
+    assert made.inner is not None
+    figures = wall_figures(made.outer.trimmed, made.inner.trimmed, made.around)
     assert max(figures.outer, figures.inner) < 0.02
-    assert figures.fracture > 0.97
+    assert not figures.at_foot
 
 
-def test_room_for_glue_does_not_make_a_piece_wrong() -> None:
+def test_a_wall_whose_edge_strays_is_refused() -> None:
+    made = piece()
+    assert made.inner is not None and made.around.inner is not None
+    edge = made.around.inner.edge
+    part = np.arange(len(edge.points)) < 0.2 * len(edge.points)
+    strayed = replace(edge, points=edge.points + 3.0 * part[:, None])
+    around = replace(made.around, inner=replace(made.around.inner, edge=strayed))
+    with pytest.raises(NoSurface, match=r"over 2.% of its edge.*the inner wall"):
+        check_walls_go_on(made.outer.trimmed, made.inner.trimmed, around)
+
+
+def test_fracture_must_be_met_but_for_the_room_left_for_glue() -> None:
     """A gap of 1.5 mm is wider than what counts as met without it."""
     made = piece(1.5)
     assert isinstance(made.shape, ThickPiece)
-    assert wall_figures(made.shape, made.around).problem()
-    assert not wall_figures(made.shape, made.around, clearance=1.5).problem()
+    check_fracture_met(made.shape, made.around, clearance=1.5)
+    with pytest.raises(NoSurface, match="neighbours' fracture"):
+        check_fracture_met(made.shape, made.around)
 
 
 def swollen(
