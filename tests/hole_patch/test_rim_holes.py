@@ -20,7 +20,8 @@ from recon.hole_patch.rim_check import RimFigures, check_rim_piece, rim_figures
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
 from recon.hole_patch.sherds import find_holes
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind
-from recon.hole_patch.wheel_sheet import wheel_sheet
+from recon.hole_patch.unit_length import axis_in, wall_in
+from recon.hole_patch.wheel_sheet import clean_wall, wheel_sheet
 from recon.numerics.polygons import within
 
 OPTIONS = VesselOptions(edge=1.4, seed=1, lost_at_rim=True)
@@ -133,6 +134,19 @@ def test_a_part_of_the_piece_is_refused_where_its_edge_was_not_scanned() -> None
     sheet = wheel_sheet(replace(wall, edge=part), axis)
     with pytest.raises(NoSurface, match="edge"):
         check_rim_piece(lip_piece(sheet), made.around)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.3])
+def test_points_of_the_edge_are_counted_alike_when_the_relief_is_drawn_to_it(scale: float) -> None:
+    """Spikes are cut off in units of the vessel; in millimetres others would be, and the flags would not fit."""
+    wall, axis = piece("sherds").around.outer, piece("sherds").around.axis
+    assert axis is not None
+    small, about = wall_in(wall, 1.0 / scale), axis_in(axis, 1.0 / scale)
+    sound = wheel_sheet(small, about).sound
+    assert sound is not None
+    edge = clean_wall(small, about).edge
+    assert len(edge.points) == len(sound)
+    assert cKDTree(small.edge.points).query(edge.points)[0].max() < 1e-9
 
 
 GOOD = RimFigures(bridged=0.02, edge=0.95, fracture=0.99, turned=0.01, covered=0.0, thickness=1.1)
