@@ -8,6 +8,9 @@
 The virtual curve of the paper is one cubic through the rims of both sherds. Here it is a cubic in the angle about the
 axis, so that it follows the wheel however wide the gap is.
 
+A hole that runs from the mouth down to a base that was not scanned joins both borders to one line, which goes round the
+axis once each way. It is cut off at both levels, on two virtual curves.
+
 Paper  [kinoshita], section 3.3, the virtual curve.
 """
 
@@ -18,7 +21,7 @@ from recon.hole_patch.hole_edges import Cycle
 from recon.hole_patch.section_samples import wrapped
 from recon.hole_patch.surroundings import BRIDGE, Axis
 
-__all__ = ["comes_near", "excursions", "sweep", "winding"]
+__all__ = ["between_rims", "comes_near", "excursions", "sweep", "winding"]
 
 RIM_SHARE, SHORTEST_RIM = 0.5, 6.0  # of the gap's width, and in edge lengths: rim that the virtual curve is fitted to
 WORN = 4.0  # edge lengths of rim beside the gap that are not believed: the fracture begins before the level is left
@@ -102,31 +105,86 @@ def _runs(flags: NDArray[np.bool_]) -> list[Ints]:
     return [np.arange(s - 1, s + (e - s) % n + 2) % n for s, e in zip(starts, ends)]
 
 
+def between_rims(cycle: Cycle, axis: Axis, spacing: float) -> Cycle | None:
+    """The hole of a line that runs round the mouth, down to the base, round it and up again: cut off at both levels.
+
+    spacing   edge length
+    None where the line keeps to no level at the mouth or at the base, or leaves them more than once.
+    """
+    turns = _turns(cycle, axis)
+    mouth, base = (_level(cycle, axis, np.clip(sign * turns, 0.0, None), spacing) for sign in (-1.0, 1.0))
+    if mouth is None or base is None or (mouth[1] & base[1]).any():
+        return None
+    sides = _runs(~(mouth[1] | base[1]))
+    down = [rows for rows in sides if mouth[1][rows[0]] and base[1][rows[-1]]]
+    up = [rows for rows in sides if base[1][rows[0]] and mouth[1][rows[-1]]]
+    if len(down) != 1 or len(up) != 1:
+        return None
+    off = np.minimum(mouth[0], base[0])
+    first, second = (_down_to_rim(rows, cycle.points, off) for rows in (down[0], up[0]))
+    # each rim is followed from the one side round the vessel to the other: the hole lies the short way
+    bridges = []
+    for before, after, at_rim, whole in ((first, second, base[1], 2 * np.pi), (second, first, mouth[1], -2 * np.pi)):
+        passed = _cyclic(int(before[-1]), int(after[0]), len(turns))
+        rows = _cyclic(int(after[0]), int(before[-1]), len(turns))
+        turn = float(turns[passed[:-1]].sum()) - whole
+        rim = at_rim & (cycle.sherds != BRIDGE)
+        rim[np.concatenate([first, second])] = False
+        bridges.append(_bridge(cycle, axis, rows, turn=turn, rim=rim, spacing=spacing))
+    return _row_of(cycle, [first, second], bridges)
+
+
+def _level(cycle: Cycle, axis: Axis, share: Floats, spacing: float) -> tuple[Floats, NDArray[np.bool_]] | None:
+    """(n,) distance from the level that the share of the line keeps to, and whether it stays within reach of it."""
+    _, radius, height = axis.cylindrical(cycle.points).T
+    off = np.hypot(radius - _weighted_median(radius, share), height - _weighted_median(height, share))
+    usual = _weighted_median(off, share)
+    return None if usual > 2.0 * spacing else (off, off <= max(2.0 * spacing, 4.0 * usual))
+
+
+def _cyclic(first: int, last: int, n: int) -> Ints:
+    """Numbers from the first to the last, round the end of n."""
+    return (first + np.arange((last - first) % n + 1)) % n
+
+
 def _cut_off(cycle: Cycle, axis: Axis, rows: Ints, *, rim: NDArray[np.bool_], spacing: float) -> Cycle:
     """The part of a line that left the rim, closed along the virtual curve.
 
     rim   (n,) points of the line that were measured on the rim
     """
-    ends = axis.cylindrical(cycle.points[rows[[-1, 0]]])
     turn = -float(_turns(cycle, axis)[rows[:-1]].sum())
-    count = int(abs(turn) * ends[:, 1].mean() / spacing)
-    t = np.arange(1, count + 1) / (count + 1)
-    arc = _virtual_curve(cycle, axis, rows, rim=rim, t=t, spacing=spacing)
-    if arc is None:
-        arc = ends[0] + t[:, None] * (np.array([ends[0, 0] + turn, *ends[1, 1:]]) - ends[0])
-    t = t[:, None]
-    normals = (1 - t) * cycle.normals[rows[-1]] + t * cycle.normals[rows[0]]
+    return _row_of(cycle, [rows], [_bridge(cycle, axis, rows, turn=turn, rim=rim, spacing=spacing)])
+
+
+def _row_of(cycle: Cycle, parts: list[Ints], bridges: list[tuple[Floats, Floats]]) -> Cycle:
+    """Parts of a line, each followed by its bridge, as a line of its own."""
+    points, normals, sherds, walls = [], [], [], []
+    for rows, (arc, ups) in zip(parts, bridges):
+        points += [cycle.points[rows], arc]
+        normals += [cycle.normals[rows], ups]
+        sherds += [cycle.sherds[rows], np.full(len(arc), BRIDGE)]
+        walls += [cycle.walls[rows], np.full(len(arc), cycle.walls[rows[0]])]
     return Cycle(
-        np.concatenate([cycle.points[rows], axis.cartesian(arc)]),
-        np.concatenate([cycle.normals[rows], normals]),
-        np.concatenate([cycle.sherds[rows], np.full(count, BRIDGE)]),
-        np.concatenate([cycle.walls[rows], np.full(count, cycle.walls[rows[0]])]),
-        cycle.gap,
+        np.concatenate(points), np.concatenate(normals), np.concatenate(sherds), np.concatenate(walls), cycle.gap
     )
 
 
+def _bridge(
+    cycle: Cycle, axis: Axis, rows: Ints, *, turn: float, rim: NDArray[np.bool_], spacing: float
+) -> tuple[Floats, Floats]:
+    """(k, 3) points and (k, 3) normals from the last of the rows to the first, `turn` radians about the axis."""
+    ends = axis.cylindrical(cycle.points[rows[[-1, 0]]])
+    count = int(abs(turn) * ends[:, 1].mean() / spacing)
+    t = np.arange(1, count + 1) / (count + 1)
+    arc = _virtual_curve(cycle, axis, rows, turn=turn, rim=rim, t=t, spacing=spacing)
+    if arc is None:
+        arc = ends[0] + t[:, None] * (np.array([ends[0, 0] + turn, *ends[1, 1:]]) - ends[0])
+    t = t[:, None]
+    return axis.cartesian(arc), (1 - t) * cycle.normals[rows[-1]] + t * cycle.normals[rows[0]]
+
+
 def _virtual_curve(
-    cycle: Cycle, axis: Axis, rows: Ints, *, rim: NDArray[np.bool_], t: Floats, spacing: float
+    cycle: Cycle, axis: Axis, rows: Ints, *, turn: float, rim: NDArray[np.bool_], t: Floats, spacing: float
 ) -> Floats | None:
     """(k, 3) angle, radius and height at shares t of the gap from the last of the rows to the first, on one cubic
     through the rim on both sides; None where either side has too little of it.
@@ -134,7 +192,6 @@ def _virtual_curve(
     n = len(cycle.points)
     angle, radius, height = axis.cylindrical(cycle.points).T
     first, last = int(rows[0]), int(rows[-1])
-    turn = -float(_turns(cycle, axis)[rows[:-1]].sum())
     width = abs(turn) * float(np.median(radius[rim])) if rim.any() else 0.0
     sides = []
     for start, step in ((last, 1), (first, -1)):

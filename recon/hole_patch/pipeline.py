@@ -35,6 +35,7 @@ from recon.hole_patch.surroundings import Axis, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import smoothed, withdrawn
+from recon.hole_patch.wall_check import check_fracture_met, check_walls_go_on
 from recon.hole_patch.wheel_sheet import fit_wall, wheel_sheet
 
 __all__ = [
@@ -328,10 +329,13 @@ def _shape(
 ) -> ThickPiece | LipPiece | TrimmedSurface:
     if outer.lip is not None:
         piece = lip_piece(outer, around.fracture, clearance=options.clearance)
-        check_rim_piece(piece, around)
+        check_rim_piece(piece, around, clearance=options.clearance)
         return piece
     if inner is not None:
-        return thick_piece(outer, inner, around.fracture, clearance=options.clearance)
+        check_walls_go_on(outer.trimmed, inner.trimmed, around)
+        thick = thick_piece(outer, inner, around.fracture, clearance=options.clearance)
+        check_fracture_met(thick, around, clearance=options.clearance)
+        return thick
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
 
 

@@ -33,6 +33,7 @@ from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineCurve
 from recon.hole_patch.profile_curve import curve_normals, fit_curve, fit_lip_curve, nearest_facing
 from recon.hole_patch.section_samples import (
+    SectionSamples,
     edge_length,
     lengths_from_lip,
     mirrored,
@@ -174,6 +175,7 @@ def _profile_in_units(wall: Wall, axis: Axis, reach: float, nearness: float, sta
     together = np.isfinite(s)
     samples, s = samples.of(near).of(together), s[together]
     if over:
+        _check_leads_away(samples, s, edge[:, 1:])
         curve = fit_curve(*mirrored(samples, s), start=start)
         return Profile(axis, curve, middle, _crossing(curve))
     if wall.over_lip:
@@ -198,11 +200,23 @@ def _lies_over_axis(edge: Floats) -> bool:
     return bool(abs(steps.sum()) > np.pi or edge[:, 1].min() < NEAR_AXIS * edge[:, 1].max())
 
 
+def _check_leads_away(samples: SectionSamples, s: Floats, edge: Floats) -> None:
+    """A hole over the axis lies where the profile begins; else it was read from the mouth down."""
+    order = np.argsort(s)
+    few = max(1, len(s) // 100)
+    away = cKDTree(edge).query(samples.place)[0]
+    if np.median(away[order[:few]]) > np.median(away[order[-few:]]) + NEAR_AXIS * edge[:, 0].max():
+        raise NoSurface(
+            "The wall around the hole over the axis faces the wrong way: fracture was taken for wall there, or the"
+            " other wall for this one. Look at the sherds around the hole, or give the outer walls alone."
+        )
+
+
 def _crossing(curve: BSplineCurve) -> float:
     """Parameter where the curve crosses the axis for the last time on its way to the mouth."""
     t = np.linspace(*curve.domain, 4000)
     radius = curve.point(t)[:, 0]
-    k = int(np.flatnonzero(radius <= 0.0)[-1])
+    k = int(np.flatnonzero((radius[:-1] <= 0.0) & (radius[1:] > 0.0))[-1])
     return float(t[k] - radius[k] * (t[k + 1] - t[k]) / (radius[k + 1] - radius[k]))
 
 

@@ -30,9 +30,8 @@ from recon.hole_patch.relief_search import ReliefSearch, foretell, predicted
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, Wall
 from recon.hole_patch.trim_loop import even_points, parameter_loop
-from recon.hole_patch.unit_length import wall_in
 from recon.hole_patch.wheel_chart import RolledChart, wheel_chart
-from recon.hole_patch.wheel_sheet import fit_wall
+from recon.hole_patch.wheel_sheet import clean_wall
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
@@ -45,7 +44,7 @@ Ints = NDArray[np.int64]
 RING = 10.0  # mm: two or three cords, so that a place is known by more than one of them
 SECTORS = 6
 BEYOND = 3.0  # mm by which the foretold relief goes on beyond the edge, where splines still feel it
-LEAST_EXPLAINED = 0.4  # of the variance of left-out sectors; noise stays below 0.25, irregular stamps too
+LEAST_EXPLAINED = 0.3  # of the variance of left-out sectors; noise stays below 0.25, irregular stamps too
 LEAST_DEPTH = (
     0.03  # mm, root mean square on the ring; below it no search is worth its time: noise alone leaves 0.02 to 0.04
 )
@@ -100,13 +99,10 @@ def continue_relief(outer: Sheet, wall: Wall, axis: Axis | None) -> ReliefSheet:
     Paper     [kinoshita], future work.
     """
     chart = None if axis is None else wheel_chart(wall, axis)
-    if not isinstance(chart, RolledChart):
-        reason = "the vessel is not round" if chart is None else "the hole lies over the axis, where nothing repeats"
+    if axis is None or not isinstance(chart, RolledChart):
+        reason = "the vessel is not round" if axis is None else "the hole lies over the axis, where nothing repeats"
         return ReliefSheet(_noted(outer, f"No relief was continued: {reason}."), ReliefSource.NONE)
-    if wall.over_lip:
-        # the same points of the edge as the sheet's, which were chosen in the vessel's units
-        fit = fit_wall(wall, chart.profile.axis)
-        wall = wall_in(fit.wall, 1.0 / fit.unit)
+    wall = clean_wall(wall, axis)
     edge = chart.flat(wall.edge.points, wall.edge.normals)[:, :2]
     around = relief_map(wall, chart, edge)
     ring = _Ring.around(around, edge)

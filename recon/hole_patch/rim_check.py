@@ -24,7 +24,7 @@ from recon.numerics.foot_points import foot_points
 from recon.numerics.halfedges import vertex_normals
 from recon.numerics.polygons import within
 
-__all__ = ["RimFigures", "check_rim_piece", "rim_figures"]
+__all__ = ["RimFigures", "check_rim_piece", "fracture_met", "rim_figures"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -77,9 +77,9 @@ class RimFigures:
         return ""
 
 
-def check_rim_piece(piece: LipPiece, around: Surroundings) -> None:
-    """Raises  NoSurface, with the reason, when the piece cannot be the lost one."""
-    problem = rim_figures(piece, around).problem()
+def check_rim_piece(piece: LipPiece, around: Surroundings, *, clearance: float = 0.0) -> None:
+    """Raises  NoSurface, with the reason, when the piece cannot be the lost one; clearance as of `rim_figures`."""
+    problem = rim_figures(piece, around, clearance=clearance).problem()
     if problem:
         raise NoSurface(
             f"The piece of the rim cannot be right: {problem}. The hole's edge, or what is wall and what is fracture,"
@@ -87,15 +87,18 @@ def check_rim_piece(piece: LipPiece, around: Surroundings) -> None:
         )
 
 
-def rim_figures(piece: LipPiece, around: Surroundings) -> RimFigures:
-    """Measure a piece of a rim against its neighbours."""
+def rim_figures(piece: LipPiece, around: Surroundings, *, clearance: float = 0.0) -> RimFigures:
+    """Measure a piece of a rim against its neighbours.
+
+    clearance  in millimetres, that the piece keeps from them
+    """
     surface, wall = piece.face.surface, around.outer
     uv = piece.face.loops[0].polygon(256)
     loop = surface.point(uv)
     fracture = np.concatenate([_grid_of(piece, k) for k in range(len(piece.wall))])
     rungs = np.linalg.norm(fracture[:, 0] - fracture[:, -1], axis=1)
     thick = float(np.median(rungs))
-    near = NEAR * thick
+    near = NEAR * thick + clearance
     measured = wall.edge.sherds >= 0
     edge = wall.edge.points[measured]
     met = cKDTree(loop).query(edge)[0] < near
@@ -104,7 +107,7 @@ def rim_figures(piece: LipPiece, around: Surroundings) -> RimFigures:
     return RimFigures(
         bridged=_longest(loop, cKDTree(edge).query(loop)[0] >= near),
         edge=float(met.mean()),
-        fracture=_fracture_met(fracture.reshape(-1, 3), around, near),
+        fracture=fracture_met(fracture.reshape(-1, 3), around, near),
         turned=_turned(piece, edge[met], None if wall.edge.normals is None else wall.edge.normals[measured][met]),
         covered=_covered(surface.point(inside), surface.normal(inside), (wall.measured.vertices, normals), loop, near),
         thickness=_thickness_ratio(loop, rungs, (wall.measured.vertices, normals), thick),
@@ -127,7 +130,8 @@ def _longest(loop: Floats, alone: Bools) -> float:
     return float(np.bincount(run[alone], steps[alone]).max() / steps.sum())
 
 
-def _fracture_met(points: Floats, around: Surroundings, near: float) -> float:
+def fracture_met(points: Floats, around: Surroundings, near: float) -> float:
+    """Share of the neighbours' fracture, by area, nearer than a length to points (m, 3) of the piece's; 1 for none."""
     if around.fracture is None or around.fracture.n_faces == 0:
         return 1.0
     area = np.linalg.norm(around.fracture.area_vectors(), axis=1)

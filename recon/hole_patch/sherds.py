@@ -23,7 +23,7 @@ from recon.hole_patch.edge_cleaning import chart_points, clean_rows, crossings, 
 from recon.hole_patch.fracture import looks_into_hole, mated_faces, wall_thickness
 from recon.hole_patch.hole import Hole
 from recon.hole_patch.hole_edges import Cycle, free_border, hole_cycles, void_edges
-from recon.hole_patch.open_rims import comes_near, excursions, sweep, winding
+from recon.hole_patch.open_rims import between_rims, comes_near, excursions, sweep, winding
 from recon.hole_patch.shown_thickness import shown_thickness
 from recon.hole_patch.smoothing import taubin_smooth
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind, ShownThickness, Surroundings, Wall
@@ -324,8 +324,12 @@ def _parts(cycle: Cycle, reading: Reading) -> list[tuple[Cycle, HoleKind, str]]:
     if turns == 0 and reading.closed.any():
         return [(cycle, HoleKind.WALL, "")]
     if turns == 0:
-        problem = "it runs from the mouth to the base" if sweep(cycle, axis) > NEARLY_ROUND else ""
-        return [(cycle, HoleKind.WALL, problem)]
+        if sweep(cycle, axis) <= NEARLY_ROUND:
+            return [(cycle, HoleKind.WALL, "")]
+        part = between_rims(cycle, axis, reading.table.spacing)
+        if part is None:
+            return [(cycle, HoleKind.WALL, "it runs from the mouth to the base")]
+        return [(part, HoleKind.RIM, "")]
     if turns > 0 and comes_near(cycle, axis):
         return [(cycle, HoleKind.WALL, "")]
     if reading.closed.any():

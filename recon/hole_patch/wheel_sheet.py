@@ -43,7 +43,7 @@ from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
-__all__ = ["WallFit", "fit_wall", "wheel_sheet", "with_clean_edge"]
+__all__ = ["WallFit", "clean_wall", "fit_wall", "wheel_sheet", "with_clean_edge"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -189,6 +189,16 @@ def fit_wall(wall: Wall, axis: Axis, *, like: WallFit | None = None) -> WallFit:
     left = edge[:, 2] - residual.at(edge[:, :2])
     sound = _sound(left, _loop_length(wall.edge.points), wall.edge.sherds >= 0, unit)
     return WallFit(unit, wall, chart, edge, ring, residual, sound)
+
+
+def clean_wall(wall: Wall, axis: Axis) -> Wall:
+    """The wall with the edge of its hole as `wheel_sheet` draws the face to it: `Sheet.sound` counts its points."""
+    if not wall.over_lip:
+        return wall
+    unit = unit_length(wall, axis)
+    scaled = wall_in(wall, unit)
+    edge = with_clean_edge(scaled, wheel_chart(scaled, axis_in(axis, unit)), DOWN / unit).edge
+    return replace(wall, edge=HoleEdge(edge.points * unit, edge.sherds, edge.normals))
 
 
 def with_clean_edge(wall: Wall, chart: WheelChart, down: float = DOWN) -> Wall:

@@ -102,3 +102,11 @@ def test_a_hole_that_takes_the_whole_turn_is_refused() -> None:
     belt = Wall(wall.measured, wall.plain, wall.sherds, wall.trust, HoleEdge(points, np.zeros(400, np.int64)))
     with pytest.raises(NoSurface, match="300 degrees"):
         wall_profile(belt, AXIS)
+
+
+def test_a_profile_that_is_read_towards_the_axis_is_refused() -> None:
+    """Its normals point to the vessel's inside, as where fracture was taken for wall all round the hole."""
+    wall = dish_with_hole(dish(80.0), aside=0.0, radius=12.0)
+    mesh = TriangleMesh(wall.measured.vertices, wall.measured.face_vertices[:, ::-1])
+    with pytest.raises(NoSurface, match="faces the wrong way"):
+        wall_profile(Wall(mesh, mesh, wall.sherds, wall.trust, wall.edge), AXIS)

@@ -13,14 +13,15 @@ from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import LipPiece, TrimmedSurface
 from recon.hole_patch.hole_edges import Cycle
 from recon.hole_patch.lip_piece import lip_piece
-from recon.hole_patch.open_rims import excursions
+from recon.hole_patch.open_rims import between_rims, excursions
 from recon.hole_patch.pipeline import MissingPiece, PatchOptions, Relief, patch_hole
 from recon.hole_patch.relief import ReliefSource
 from recon.hole_patch.rim_check import RimFigures, check_rim_piece, rim_figures
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
 from recon.hole_patch.sherds import find_holes
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind
-from recon.hole_patch.wheel_sheet import wheel_sheet
+from recon.hole_patch.unit_length import axis_in, wall_in
+from recon.hole_patch.wheel_sheet import clean_wall, wheel_sheet
 from recon.numerics.polygons import within
 
 OPTIONS = VesselOptions(edge=1.4, seed=1, lost_at_rim=True)
@@ -135,6 +136,19 @@ def test_a_part_of_the_piece_is_refused_where_its_edge_was_not_scanned() -> None
         check_rim_piece(lip_piece(sheet), made.around)
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.3])
+def test_points_of_the_edge_are_counted_alike_when_the_relief_is_drawn_to_it(scale: float) -> None:
+    """Spikes are cut off in units of the vessel; in millimetres others would be, and the flags would not fit."""
+    wall, axis = piece("sherds").around.outer, piece("sherds").around.axis
+    assert axis is not None
+    small, about = wall_in(wall, 1.0 / scale), axis_in(axis, 1.0 / scale)
+    sound = wheel_sheet(small, about).sound
+    assert sound is not None
+    edge = clean_wall(small, about).edge
+    assert len(edge.points) == len(sound)
+    assert cKDTree(small.edge.points).query(edge.points)[0].max() < 1e-9
+
+
 GOOD = RimFigures(bridged=0.02, edge=0.95, fracture=0.99, turned=0.01, covered=0.0, thickness=1.1)
 
 
@@ -170,3 +184,41 @@ def test_the_virtual_curve_runs_on_from_the_rim_on_both_sides(gap: float) -> Non
     x, y, height = hole.points[hole.sherds < 0].T
     np.testing.assert_allclose(np.hypot(x, y), 30.0, atol=1e-3)
     np.testing.assert_allclose(height, 50.0 + 0.4 * x / 30.0, atol=0.1)
+
+
+def split_wall(gap: float, *, base: float = 0.0) -> Cycle:
+    """The border of a cylinder, open above and below, with a slot `gap` radians wide, about the angle 0, from the mouth
+    to the base; the wall on its left, base the height to which the lower border waves.
+    """
+    half = 0.5 * gap
+    round_ = np.linspace(half, 2 * np.pi - half, 900)
+    slot = np.linspace(0.0, 50.0, 200)[1:-1]
+    angle = np.concatenate([round_[::-1], np.full(198, half), round_, np.full(198, -half)])
+    wave = base * np.cos(5 * round_)
+    height = np.concatenate([np.full(900, 50.0), slot[::-1], wave, slot])
+    points = np.stack([30 * np.cos(angle), 30 * np.sin(angle), height], axis=1)
+    n = len(points)
+    return Cycle(points, points * [1, 1, 0] / 30.0, np.zeros(n, np.int64), np.ones(n, np.int64), 0.0)
+
+
+@pytest.mark.parametrize("gap", [0.3, 1.2])
+@pytest.mark.parametrize("start", [0, 500, 1000, 1500])
+def test_a_hole_from_mouth_to_base_is_cut_off_at_both(gap: float, start: int) -> None:
+    line = split_wall(gap)
+    line = Cycle(
+        np.roll(line.points, start, axis=0), np.roll(line.normals, start, axis=0), line.sherds, line.walls, 0.0
+    )
+    hole = between_rims(line, Z_AXIS, 0.25)
+    assert hole is not None
+    x, y, height = hole.points.T
+    assert np.abs(np.arctan2(y, x)).max() < 0.5 * gap + 0.02
+    assert np.ptp(height) == pytest.approx(50.0, abs=0.2)
+    bridged = hole.sherds < 0
+    np.testing.assert_allclose(np.hypot(x, y), 30.0, atol=1e-2)
+    assert set(height[bridged].round(1)) == {0.0, 50.0}
+    turned = np.angle(np.exp(1j * np.diff(np.arctan2(y, x), append=np.arctan2(y[0], x[0]))))
+    assert abs(turned.sum()) < 1e-9
+
+
+def test_a_line_that_keeps_to_no_level_is_no_hole_from_mouth_to_base() -> None:
+    assert between_rims(split_wall(0.5, base=20.0), Z_AXIS, 0.25) is None
