@@ -67,7 +67,7 @@ class FacePoints(NamedTuple):
     areas: Floats
 
     def of(self, which: NDArray[np.bool_] | Ints) -> "FacePoints":
-        return FacePoints(*(column[which] for column in self))
+        return FacePoints(self.places[which], self.normals[which], self.faces[which], self.areas[which])
 
 
 def face_points(vertices: Floats, faces: Ints, spacing: float) -> FacePoints:
