@@ -26,7 +26,8 @@ class FitOptions:
     update          the rule by which control points move
     plain           all control points from the start, no refinement and no reweighting
     rounds          on the last control mesh
-    crease_angle    radians between two faces from which on an edge of the scan stays sharp; pi: nowhere, as always
+    crease_angle    radians between two faces from which on an edge of the scan stays sharp, unless the fit is nearer
+                    without any sharp edge; pi: nowhere, as always
                     with Doo-Sabin's scheme, where a crease cannot end inside the surface
     close           fill the holes of the scan first
     start           control mesh to begin with, of the scheme's kind of faces; None: one is made

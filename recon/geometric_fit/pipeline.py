@@ -12,12 +12,13 @@ pulled back (`guards`).
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import NoSurface, NotManifold
+from recon.errors import BadGeometry, NoSurface, NotManifold
 from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.creases import n_loose_ends, with_creases
@@ -72,7 +73,25 @@ def fit_surface(
     _refuse_tangles(scan)
     # the matrices are small: threads of the linear algebra library wait for each other longer than they work
     with threadpool_limits(limits=1, user_api="blas"):
-        return _Fit(scan, chosen, doing).run()
+        return _sharp_or_smooth(scan, chosen, doing)
+
+
+def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[str], None]) -> FittedSurface:
+    """The fit with sharp edges where the scan has some, unless it folds or stays farther off than one without.
+
+    A smooth scan has steep places, too, and edges drawn through them do harm.
+    """
+    if options.crease_angle >= np.pi or options.start is not None:
+        return _Fit(scan, options, doing).run()
+    try:
+        sharp = _Fit(scan, options, doing).run()
+    except BadGeometry:  # edges that lie so close to each other that no limit is defined between them
+        sharp = None
+    if sharp is not None and not len(sharp.mesh.crease_edges):
+        return sharp
+    doing("fitting again without sharp edges")
+    smooth = _Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run()
+    return smooth if sharp is None else min((sharp, smooth), key=lambda fit: (fit.folds > 0, fit.errors.rms))
 
 
 def _refuse_tangles(scan: TriangleMesh) -> None:

@@ -118,7 +118,7 @@ def test_an_open_mesh_becomes_a_shell():
 
 def test_two_bodies_become_two_solids():
     one, n = drum(3), drum(3).n_vertices
-    points = np.concatenate([one.vertices, [*one.vertices, 5.0, 0.0, 0.0]])
+    points = np.concatenate([one.vertices, one.vertices + np.array([5.0, 0.0, 0.0])])
     two = ControlMesh.from_faces(points, np.concatenate([one.faces_of(4), one.faces_of(4) + n]))
     report = check(mosaic_shape(limit_faces(two, Scheme.CATMULL_CLARK).mosaic, TOLERANCE), TOLERANCE)
     assert report.passed, report.defects
