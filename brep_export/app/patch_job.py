@@ -32,7 +32,6 @@ from recon.hole_patch.pipeline import (
     list_holes,
     patch_hole,
     patch_holes,
-    with_smoother_edge,
 )
 from recon.hole_patch.placing import Placing, place, scans_tolerance
 from recon.hole_patch.thickness import Thickness, piece_thickness
@@ -45,7 +44,6 @@ __all__ = ["TOLERANCE", "kernel_piece", "patch", "patch_answer"]
 # a twentieth of a millimetre: half of what a scanner resolves, and what a kernel edge may stray from its faces
 TOLERANCE = Tolerance(merge=1e-4, fit=0.05)
 
-SMOOTHER = (0.5, 1.0)  # of the thickness: radii to which edges are smoothed where the fracture cuts a wall
 EVERY_HOLE = "all"
 SAMPLES = "the walls as scanned within 2 mm of the hole's edge"
 
@@ -234,28 +232,12 @@ def _proved(piece: MissingPiece, request: Mapping[str, Any], bench: Bench, *, na
     thickness = _thickness_of(piece)
     if thickness is not None:
         _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench, name)
-    shape, report = _through_the_gate(piece, bench, name)
-    for share in SMOOTHER:
-        if thickness is None or piece.inner is None or not _cuts_itself(report):
-            break
-        with bench.phase("reconstruct", f"{name}smoothing the edge"):
-            piece = with_smoother_edge(piece, share * thickness.mean, clearance=request.get("clearance", 0.0))
-        shape, report = _through_the_gate(piece, bench, name)
-        if not _cuts_itself(report):
-            bench.note(f"{name}{piece.notes[-1]}")
+    with bench.phase("brep", f"{name}building the shape"):
+        shape, kind = kernel_piece(piece)
+    report = gate(shape, TOLERANCE, kind, bench)
     with bench.phase("reconstruct", f"{name}fitting again without each sherd"):
         trust = confidence(piece)
     return _Proved(piece, thickness, shape, report, trust, name)
-
-
-def _through_the_gate(piece: MissingPiece, bench: Bench, name: str) -> tuple[TopoDS_Shape, CheckReport]:
-    with bench.phase("brep", f"{name}building the shape"):
-        shape, kind = kernel_piece(piece)
-    return shape, gate(shape, TOLERANCE, kind, bench)
-
-
-def _cuts_itself(report: CheckReport) -> bool:
-    return [defect.code for defect in report.defects] == ["self-intersection"]
 
 
 def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:

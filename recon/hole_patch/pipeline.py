@@ -34,7 +34,7 @@ from recon.hole_patch.sherds import Reading, read_sherds, separate, surroundings
 from recon.hole_patch.surroundings import Axis, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
-from recon.hole_patch.trim_loop import smoothed, withdrawn
+from recon.hole_patch.trim_loop import withdrawn
 from recon.hole_patch.wall_check import check_fracture_met, check_walls_go_on
 from recon.hole_patch.wheel_sheet import fit_wall, wheel_sheet
 
@@ -49,7 +49,6 @@ __all__ = [
     "list_holes",
     "patch_hole",
     "patch_holes",
-    "with_smoother_edge",
 ]
 
 Floats = NDArray[np.float64]
@@ -337,20 +336,6 @@ def _shape(
         check_fracture_met(thick, around, clearance=options.clearance)
         return thick
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
-
-
-def with_smoother_edge(piece: MissingPiece, radius: float, *, clearance: float = 0.0) -> MissingPiece:
-    """A piece of the wall again, spikes and notches of its edges narrower than twice a radius in mm cut off and filled.
-
-    A sharp step in one edge alone can lead the fracture through the wall beside it.
-    Raises  BadOption for a piece without two walls; NoWall, NoSurface.
-    """
-    if piece.inner is None:
-        raise BadOption("piece", "has one wall only, so no fracture can cut it")
-    outer, inner = (replace(s, trimmed=smoothed(s.trimmed, radius)) for s in (piece.outer, piece.inner))
-    shape = thick_piece(outer, inner, piece.around.fracture, clearance=clearance)
-    note = f"spikes and notches of the edge narrower than {2 * radius:.1f} mm were smoothed: the fracture cut the wall."
-    return replace(piece, shape=shape, outer=outer, inner=inner, notes=(*piece.notes, note))
 
 
 def _inner_sheet(

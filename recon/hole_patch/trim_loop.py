@@ -27,7 +27,7 @@ from recon.geometry.trimmed import TrimLoop, TrimmedSurface
 from recon.numerics.foot_points import foot_points
 from recon.numerics.spline_parts import spline_part
 
-__all__ = ["trim_loop", "parameter_loop", "smoothed", "withdrawn", "clean_polygon", "even_points", "crossings"]
+__all__ = ["trim_loop", "parameter_loop", "withdrawn", "clean_polygon", "even_points", "crossings"]
 
 Floats = NDArray[np.float64]
 SPACING = 0.4
@@ -109,19 +109,6 @@ def withdrawn(trimmed: TrimmedSurface, clearance: float) -> TrimmedSurface:
         spacing=spacing,
         cleaning=CLEANING_RADIUS / SPACING * spacing,
     )
-    return TrimmedSurface(trimmed.surface, (drawn,))
-
-
-def smoothed(trimmed: TrimmedSurface, radius: float) -> TrimmedSurface:
-    """The same surface, spikes and notches of its outer loop narrower than twice a radius in millimetres cut off and
-    filled.
-
-    Raises    NoSurface when nothing is left.
-    """
-    loop = trimmed.loops[0]
-    uv = loop.polygon(SAMPLES_PER_SPAN * max(len(c.knots) for c in loop.pcurves))
-    spacing = _step(loop, _lengths(trimmed.surface, uv))
-    drawn = parameter_loop(trimmed.surface, uv, n_curves=len(loop.pcurves), spacing=spacing, cleaning=radius)
     return TrimmedSurface(trimmed.surface, (drawn,))
 
 
