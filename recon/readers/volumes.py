@@ -63,18 +63,19 @@ def _read(reader: Callable[[Path], Volume], file: Path) -> Volume:
 
 
 def _npy(file: Path) -> Volume:
-    file_bytes(file)
+    # numpy takes a file of any other content for a pickle, and advises to load that unsafely
+    if not file_bytes(file).startswith(b"\x93NUMPY"):
+        raise UnreadableFile(str(file), "is no .npy array")
     return Volume(name=file.name, values=np.load(file, allow_pickle=False))
 
 
 def _npz(file: Path) -> Volume:
     """Arrays `voxels` (or the only one of three axes), and `spacing`, `origin`, `direction` where they are there."""
     file_bytes(file)
-    try:
-        content = np.load(file, allow_pickle=False)
-        arrays = {key: content[key] for key in content.files}
-    except zipfile.BadZipFile:
-        raise UnreadableFile(str(file), "is no .npz archive") from None
+    if not zipfile.is_zipfile(file):
+        raise UnreadableFile(str(file), "is no .npz archive")
+    content = np.load(file, allow_pickle=False)
+    arrays = {key: content[key] for key in content.files}
     grids = [key for key, array in arrays.items() if array.ndim == 3]
     key = "voxels" if "voxels" in grids else grids[0] if len(grids) == 1 else None
     if key is None:

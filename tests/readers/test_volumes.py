@@ -208,3 +208,12 @@ def test_which_voxels_are_solid():
         binary_grid(volume, label=1, threshold=1)
     with pytest.raises(BadGeometry, match="no voxel is solid"):
         binary_grid(volume, threshold=1000)
+
+
+@pytest.mark.parametrize("ending", [".npz", ".npy"])
+def test_other_content_under_numpys_names_is_refused_without_its_advice(ending, tmp_path):
+    file = tmp_path / f"grid{ending}"
+    file.write_text("not an array\n", encoding="utf-8")
+    with pytest.raises(UnreadableFile, match=rf"is no {ending} a") as refused:
+        read_volume(file)
+    assert "unsafe" not in str(refused.value)
