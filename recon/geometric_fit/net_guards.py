@@ -1,0 +1,160 @@
+"""What keeps a control net in order: energy where no data hold it, and an eye on folds that the scan does not have.
+
+The surface is drawn with two cells a span in each direction. Where data lie in a cell, or around it, neighbouring
+triangles are not to face opposite ways; elsewhere the surface is cut away, and the energy alone keeps it smooth.
+
+Energy  squares of second differences of the control points over their abscissae, and of mixed ones: a thin plate
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+
+from recon.geometric_fit.scan_data import FOLD, ScanData
+from recon.geometric_fit.spline_space import SplineSpace
+from recon.geometric_fit.tensor_space import TensorSpace, net_rows
+from recon.numerics.bspline_basis import greville
+from recon.numerics.halfedges import edge_table
+
+__all__ = ["NetEnergy", "NetGuards", "cell_grid"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+CELLS = 2  # a span
+HELD = 0.1  # share of a control point in a corner of a folded triangle from which on it is held
+SAME_PLACE = 0.01  # of the diagonal: a fold of the scan so near excuses one of the surface
+NEARBY = 2  # cells without data that are covered all the same, between others
+
+
+def cell_grid(space: SplineSpace) -> Floats:
+    """(m,) parameters at which the surface is drawn, both ends included."""
+    share = np.arange(CELLS) / CELLS
+    inner = (space.breaks[:-1, None] + share * np.diff(space.breaks)[:, None]).ravel()
+    return np.append(inner, space.breaks[-1])
+
+
+class NetGuards:
+    """Folds of the surfaces of one space; what depends on the space and the data alone is made once."""
+
+    def __init__(self, space: TensorSpace, weights: Floats, scan: ScanData, uv: Floats) -> None:
+        u, v = cell_grid(space.u), cell_grid(space.v)
+        self._scan, self._shape = scan, space.shape
+        at = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+        net = np.concatenate([np.zeros((*weights.shape, 3)), weights[..., None]], axis=2)
+        self._to_corners = net_rows(space, net, at).matrix(space.n_control)
+        corner = np.arange(len(at)).reshape(len(u), len(v))[_covered(space, (u, v), uv)]
+        a, b, c, d = corner, corner + len(v), corner + len(v) + 1, corner + 1
+        self._triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+        table = edge_table(self._triangles)
+        edge, face = table.edge_faces()
+        pair = np.flatnonzero(edge[1:] == edge[:-1])
+        self._ends, self._one, self._two = table.edges[edge[pair]], face[pair], face[pair + 1]
+
+    def folded(self, control_points: Floats) -> Bools:
+        """(V,) the control points around a fold that the scan does not have."""
+        corners = self._to_corners @ control_points
+        a, b, c = corners[self._triangles].transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        turned = np.flatnonzero(np.einsum("ij,ij->i", normal[self._one], normal[self._two]) < FOLD)
+        if len(self._scan.folds) and len(turned):
+            middle = corners[self._ends[turned]].mean(axis=1)
+            turned = turned[self._scan.fold_tree.query(middle)[0] > SAME_PLACE * self._scan.diagonal]
+        folded = np.zeros(len(control_points), dtype=bool)
+        rows = self._to_corners[np.unique(self._triangles[np.concatenate([self._one[turned], self._two[turned]])])]
+        folded[rows.indices[rows.data > HELD]] = True
+        return folded
+
+    def widened(self, control_points: Bools) -> Bools:
+        """(V,) these control points and those beside them."""
+        wide = ndimage.binary_dilation(control_points.reshape(self._shape), np.ones((3, 3)))
+        return np.asarray(wide).ravel()
+
+
+def _covered(space: TensorSpace, grid: tuple[Floats, Floats], uv: Floats) -> Ints | Bools:
+    """(len(u), len(v)) lower corners of the cells with data in or around them."""
+    u, v = grid
+    count, _, _ = np.histogram2d(*space.within(uv).T, bins=[u, v])
+    mode = ["wrap" if each.periodic else "constant" for each in (space.u, space.v)]
+    near = count > 0
+    for number in range(2 * NEARBY):
+        find = np.maximum if number < NEARBY else np.minimum
+        near = _beside(near, mode, find)
+    covered = np.zeros((len(u), len(v)), dtype=bool)
+    covered[:-1, :-1] = near | (count > 0)
+    return covered
+
+
+def _beside(cells: Bools, mode: list[str], find: np.ufunc) -> Bools:
+    """Cells with any (maximum), or all (minimum), of their eight neighbours."""
+    pad = [(1, 1), (1, 1)]
+    wide = np.pad(cells, [pad[0], (0, 0)], mode="wrap" if mode[0] == "wrap" else "edge")
+    wide = np.pad(wide, [(0, 0), pad[1]], mode="wrap" if mode[1] == "wrap" else "edge")
+    n, m = cells.shape
+    shifted = [wide[i : i + n, j : j + m] for i in range(3) for j in range(3)]
+    return np.asarray(find.reduce(shifted))
+
+
+class NetEnergy:
+    """The thin plate of one space; how stiff it is at each control point may change."""
+
+    def __init__(self, space: TensorSpace) -> None:
+        (nu, nv), ones = space.shape, [sparse.eye_array(n, format="csr") for n in space.shape]
+        bend_u, bend_v = _bends(space.u), _bends(space.v)
+        slope_u, slope_v = _slopes(space.u), _slopes(space.v)
+        parts = [
+            (sparse.kron(bend_u, ones[1]), _owners(bend_u, np.arange(nv), nv, along_u=True)),
+            (sparse.kron(ones[0], bend_v), _owners(bend_v, np.arange(nu), nv, along_u=False)),
+            (np.sqrt(2.0) * sparse.kron(slope_u, slope_v), _crossed(slope_u, slope_v, nv)),
+        ]
+        self._rows = sparse.csr_array(sparse.vstack([rows for rows, _ in parts]))
+        self._owner = np.concatenate([owner for _, owner in parts])
+
+    def matrix(self, stiffness: Floats) -> sparse.csr_array:
+        """(V, V) energy for a stiffness (V,) at every control point."""
+        scaled = sparse.diags_array(np.sqrt(stiffness[self._owner])) @ self._rows
+        return sparse.csr_array(scaled.T @ scaled)
+
+
+def _owners(bends: sparse.csr_array, others: Ints, nv: int, *, along_u: bool) -> Ints:
+    middle = bends.indices.reshape(-1, 3)[:, 1].astype(np.int64)
+    return (middle[:, None] * nv + others).ravel() if along_u else (others[:, None] * nv + middle).ravel()
+
+
+def _crossed(slope_u: sparse.csr_array, slope_v: sparse.csr_array, nv: int) -> Ints:
+    one, two = (slope.indices.reshape(-1, 2)[:, 0].astype(np.int64) for slope in (slope_u, slope_v))
+    return (one[:, None] * nv + two).ravel()
+
+
+def _gaps(space: SplineSpace) -> Floats:
+    """(n,) or (n - 1,) ways between neighbouring abscissae; around the seam where there is one."""
+    at = greville(space.knots, space.degree)
+    if not space.periodic:
+        return np.diff(at)
+    at = at[: space.n_control]
+    return np.diff(np.append(at, at[0] + space.breaks[-1] - space.breaks[0]))
+
+
+def _bends(space: SplineSpace) -> sparse.csr_array:
+    """Second differences of neighbouring control points, in units of the way between them."""
+    n, gaps = space.n_control, _gaps(space)
+    middle = np.arange(n) if space.periodic else np.arange(1, n - 1)
+    before, after = gaps[middle - 1], gaps[middle]
+    mean = 0.5 * (before + after)
+    values = np.stack([mean / before, -mean / before - mean / after, mean / after], axis=1)
+    columns = np.stack([middle - 1, middle, middle + 1], axis=1) % n
+    return _in_rows(columns, values, n)
+
+
+def _slopes(space: SplineSpace) -> sparse.csr_array:
+    n, gaps = space.n_control, _gaps(space)
+    first = np.arange(len(gaps))
+    scale = gaps.mean() / gaps
+    return _in_rows(np.stack([first, first + 1], axis=1) % n, np.stack([-scale, scale], axis=1), n)
+
+
+def _in_rows(columns: Ints, values: Floats, n: int) -> sparse.csr_array:
+    """Rows with the entries in the order given, so that they can be told by their place."""
+    starts = np.arange(0, columns.size + 1, columns.shape[1])
+    return sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=(len(columns), n))
