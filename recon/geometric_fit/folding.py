@@ -7,7 +7,7 @@ The tangent distance lets control points slide, and where the scan is sharp they
     3. folds that are there already, after a refinement say, are drawn smooth bit by bit
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,14 @@ class Step(NamedTuple):
     folded: Bools
 
 
-def stepped(guards: Guards, old: Floats, new: Floats) -> Step:
+class FoldGuards(Protocol):
+    """What tells which control points (V,) are around folds, and widens such a set by their neighbours."""
+
+    def folded(self, control_points: Floats) -> Bools: ...
+    def widened(self, control_points: Bools) -> Bools: ...
+
+
+def stepped(guards: FoldGuards, old: Floats, new: Floats) -> Step:
     """The step, shortened where it would fold the surface.
 
     Where halving does not help, the step is taken back with that of all neighbours: what did not fold before does not

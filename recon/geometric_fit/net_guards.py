@@ -13,10 +13,11 @@ from scipy import ndimage, sparse
 from recon.geometric_fit.scan_data import FOLD, ScanData
 from recon.geometric_fit.spline_space import SplineSpace
 from recon.geometric_fit.tensor_space import TensorSpace, net_rows
+from recon.geometry.mesh import TriangleMesh
 from recon.numerics.bspline_basis import greville
 from recon.numerics.halfedges import edge_table
 
-__all__ = ["NetEnergy", "NetGuards", "cell_grid"]
+__all__ = ["NetEnergy", "NetGuards", "drawn_net"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -28,9 +29,17 @@ SAME_PLACE = 0.01  # of the diagonal: a fold of the scan so near excuses one of 
 NEARBY = 2  # cells without data that are covered all the same, between others
 
 
-def cell_grid(space: SplineSpace) -> Floats:
+def drawn_net(space: TensorSpace, net: Floats, uv: Floats, cells: int) -> TriangleMesh:
+    """The surface in triangles, so many cells a span, where places (n, 2) lie in or around the cells."""
+    u, v = cell_grid(space.u, cells), cell_grid(space.v, cells)
+    triangles = _cell_triangles(_covered(space, (u, v), uv))
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return TriangleMesh(space.grid(net, u, v).reshape(-1, 3)[used], renumbered.reshape(-1, 3), "surface")
+
+
+def cell_grid(space: SplineSpace, cells: int = CELLS) -> Floats:
     """(m,) parameters at which the surface is drawn, both ends included."""
-    share = np.arange(CELLS) / CELLS
+    share = np.arange(cells) / cells
     inner = (space.breaks[:-1, None] + share * np.diff(space.breaks)[:, None]).ravel()
     return np.append(inner, space.breaks[-1])
 
@@ -44,9 +53,7 @@ class NetGuards:
         at = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
         net = np.concatenate([np.zeros((*weights.shape, 3)), weights[..., None]], axis=2)
         self._to_corners = net_rows(space, net, at).matrix(space.n_control)
-        corner = np.arange(len(at)).reshape(len(u), len(v))[_covered(space, (u, v), uv)]
-        a, b, c, d = corner, corner + len(v), corner + len(v) + 1, corner + 1
-        self._triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+        self._triangles = _cell_triangles(_covered(space, (u, v), uv))
         table = edge_table(self._triangles)
         edge, face = table.edge_faces()
         pair = np.flatnonzero(edge[1:] == edge[:-1])
@@ -72,28 +79,36 @@ class NetGuards:
         return np.asarray(wide).ravel()
 
 
-def _covered(space: TensorSpace, grid: tuple[Floats, Floats], uv: Floats) -> Ints | Bools:
+def _cell_triangles(covered: Bools) -> Ints:
+    """(F, 3) two triangles in every cell whose lower corner is marked."""
+    n, m = covered.shape
+    corner = np.arange(n * m).reshape(n, m)[covered]
+    a, b, c, d = corner, corner + m, corner + m + 1, corner + 1
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def _covered(space: TensorSpace, grid: tuple[Floats, Floats], uv: Floats) -> Bools:
     """(len(u), len(v)) lower corners of the cells with data in or around them."""
     u, v = grid
-    count, _, _ = np.histogram2d(*space.within(uv).T, bins=[u, v])
-    mode = ["wrap" if each.periodic else "constant" for each in (space.u, space.v)]
-    near = count > 0
+    at = space.within(uv)
+    cell = [np.clip(np.searchsorted(g, x, side="right") - 1, 0, len(g) - 2) for g, x in zip(grid, at.T)]
+    filled = np.zeros((len(u) - 1, len(v) - 1), dtype=bool)
+    filled[cell[0], cell[1]] = True
+    near = filled
     for number in range(2 * NEARBY):
-        find = np.maximum if number < NEARBY else np.minimum
-        near = _beside(near, mode, find)
+        near = _beside(near, (space.u.periodic, space.v.periodic), np.logical_or if number < NEARBY else np.logical_and)
     covered = np.zeros((len(u), len(v)), dtype=bool)
-    covered[:-1, :-1] = near | (count > 0)
+    covered[:-1, :-1] = near | filled
     return covered
 
 
-def _beside(cells: Bools, mode: list[str], find: np.ufunc) -> Bools:
-    """Cells with any (maximum), or all (minimum), of their eight neighbours."""
-    pad = [(1, 1), (1, 1)]
-    wide = np.pad(cells, [pad[0], (0, 0)], mode="wrap" if mode[0] == "wrap" else "edge")
-    wide = np.pad(wide, [(0, 0), pad[1]], mode="wrap" if mode[1] == "wrap" else "edge")
+def _beside(cells: Bools, periodic: tuple[bool, bool], find: np.ufunc) -> Bools:
+    """Whether any (or), or all (and), of a cell and its eight neighbours are marked."""
+    modes = ["wrap" if around else "edge" for around in periodic]
+    wide = np.pad(cells, [(1, 1), (0, 0)], mode=modes[0])  # type: ignore[call-overload]
+    wide = np.pad(wide, [(0, 0), (1, 1)], mode=modes[1])  # type: ignore[call-overload]
     n, m = cells.shape
-    shifted = [wide[i : i + n, j : j + m] for i in range(3) for j in range(3)]
-    return np.asarray(find.reduce(shifted))
+    return np.asarray(find.reduce([wide[i : i + n, j : j + m] for i in range(3) for j in range(3)]))
 
 
 class NetEnergy:

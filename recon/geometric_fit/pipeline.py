@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadGeometry, NoSurface, NotManifold
+from recon.errors import BadGeometry, NoSurface
 from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.creases import n_loose_ends, with_creases
@@ -30,12 +30,11 @@ from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.options import FitOptions, FittedSurface
 from recon.geometric_fit.quad_mesh import initial_quads
 from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
-from recon.geometric_fit.scan_data import scan_data
 from recon.geometric_fit.reweighting import reweighed
+from recon.geometric_fit.scan_data import refuse_tangles, scan_data
 from recon.geometric_fit.updates import Pull, Updater, rows_for
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.halfedges import edge_table
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches, Scheme, limit_patches
 
@@ -70,7 +69,7 @@ def fit_surface(
     chosen = options or FitOptions()
     if scan.n_faces < 4:
         raise NoSurface(f"{scan.name} has {scan.n_faces} triangles; a surface cannot be fitted to so few.")
-    _refuse_tangles(scan)
+    refuse_tangles(scan)
     # the matrices are small: threads of the linear algebra library wait for each other longer than they work
     with threadpool_limits(limits=1, user_api="blas"):
         return _sharp_or_smooth(scan, chosen, doing)
@@ -92,18 +91,6 @@ def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[s
     doing("fitting again without sharp edges")
     smooth = _Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run()
     return smooth if sharp is None else min((sharp, smooth), key=lambda fit: (fit.folds > 0, fit.errors.rms))
-
-
-def _refuse_tangles(scan: TriangleMesh) -> None:
-    """Raise NotManifold for a scan with an edge that no surface has."""
-    table = edge_table(scan.face_vertices)
-    for edges, problem in (
-        (table.overused(), "edges with more than two faces"),
-        (table.misoriented(), "edges whose two faces disagree about what is outside"),
-    ):
-        if len(edges):
-            where = scan.vertices[edges[0]].mean(axis=0).tolist()
-            raise NotManifold(scan.name, f"{len(edges)} {problem}, where no surface can be fitted", where)
 
 
 class _Fit:

@@ -11,7 +11,7 @@ and BASIS are one rule here: the patent weighs error vectors of a spline with it
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from time import perf_counter
 
@@ -23,10 +23,10 @@ from recon.errors import BadOption, NoSurface
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.folding import stepped
 from recon.geometric_fit.knot_gains import knot_gains
-from recon.geometric_fit.net_guards import NetEnergy, NetGuards
+from recon.geometric_fit.net_guards import NetEnergy, NetGuards, drawn_net
 from recon.geometric_fit.net_weights import moved_weights
 from recon.geometric_fit.reweighting import reweighed
-from recon.geometric_fit.scan_data import ScanData, scan_data
+from recon.geometric_fit.scan_data import ScanData, refuse_tangles, scan_data
 from recon.geometric_fit.scan_kind import ScanKind, SheetScan, sheet_scan
 from recon.geometric_fit.spline_space import SplineSpace
 from recon.geometric_fit.tangent_distance import BasisRows, Metric, tangent_distance_move
@@ -116,7 +116,7 @@ class FittedSheet:
 
     space, net   of the surface: in a periodic direction nothing is repeated
     sheet        the scan as it was unrolled
-    places       (n,  2) of the vertices of `sheet` on the surface
+    places       (n, 2) feet of the vertices of `sheet`
     distances    (N,) of the scan's points from the surface, foot points exact
     errors       their norms in per cent of the diagonal
     diagonal     of the box around the scan
@@ -141,6 +141,10 @@ class FittedSheet:
         """Clamped; where the scan runs around, it begins and ends at a seam, as smooth there as elsewhere."""
         return self.space.surface(self.net)
 
+    def drawn(self, cells: int) -> TriangleMesh:
+        """The surface in triangles, so many cells a span, without cells that lie beyond the scan."""
+        return drawn_net(self.space, self.net, self.places, cells)
+
 
 def fit_sheet(
     scan: TriangleMesh, options: SplineOptions | None = None, *, doing: Callable[[str], None] = lambda step: None
@@ -149,12 +153,13 @@ def fit_sheet(
 
     scan    triangles of a surface in one part, in any unit
     doing   called with what happens, round by round
-    Raises  NoSurface when the scan is of another kind, or cannot be unrolled; BadOption.
+    Raises  NoSurface when the scan is of another kind, or cannot be unrolled; NotManifold; BadOption.
     Paper   [maekawa2009], claims 8 and 10.
     """
     chosen = options or SplineOptions()
     if scan.n_faces < 4:
         raise NoSurface(f"{scan.name} has {scan.n_faces} triangles; a surface cannot be fitted to so few.")
+    refuse_tangles(scan)
     with threadpool_limits(limits=1, user_api="blas"):
         sheet = sheet_scan(scan)
         doing(f"unrolling the scan, a {sheet.kind}")

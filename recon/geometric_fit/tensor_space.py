@@ -96,8 +96,8 @@ class TensorSpace:
         clamped = second.transpose(1, 0, 2)
         weights = None if (net[..., 3] == 1.0).all() else clamped[..., 3]
         points = clamped[..., :3] if weights is None else projected(clamped)
-        knots = [clamped_knots(space.breaks, space.degree) for space in (self.u, self.v)]
-        return BSplineSurface(self.u.degree, self.v.degree, *knots, points, weights)
+        knots_u, knots_v = (clamped_knots(space.breaks, space.degree) for space in (self.u, self.v))
+        return BSplineSurface(self.u.degree, self.v.degree, knots_u, knots_v, points, weights)
 
 
 def projected(net: Floats) -> Floats:

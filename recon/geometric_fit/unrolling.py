@@ -15,6 +15,7 @@ w_ij    weight of a spring; stretch of a triangle: length of the scan over lengt
 Paper  [floater1997] the disc, [gortler2006] cylinder and torus, [yoshizawa2004] springs by stretch.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ __all__ = ["Unrolled", "unrolled"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOST_ROUNDS = 12  # in which springs are made softer
+MOST_ROUNDS = 8  # in which springs are made softer
 USUAL = 4.0  # times the median, up to which the speed of a face counts for the sides of the rectangle
 WORST = 30.0  # stretch that counts: a triangle squeezed to nothing at the rim is not all there is
 OVERLAP = 1e-6  # share of the rectangle that a border may cover twice, for rounding
@@ -429,7 +430,7 @@ def _jumps_between(faces: Ints, across: Ints, rims: tuple[Ints, ...]) -> Ints:
 
 def _cross_row(jumps: Ints, across: Ints, row: list[int]) -> None:
     """Mark the sides between faces that follow each other: to their right the far side is a period back."""
-    for one, two in zip(row, row[1:]):
+    for one, two in pairwise(row):
         side = next(s for s in range(3) if across[one, s] // 3 == two and across[one, s] >= 0)
         jumps[one, side] -= 1
         jumps.reshape(-1)[across[one, side]] += 1

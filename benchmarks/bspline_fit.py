@@ -1,0 +1,162 @@
+"""B-spline and NURBS surfaces of scans, beside pygismo where it is installed: error, folds, seconds.
+
+    python benchmarks/bspline_fit.py SCAN:CONTROL_POINTS ... [--updates] [--json FILE]
+
+SCAN is a file, or `made:wavy^N`, `made:tube^N`, `made:torus^N` for a surface of about N points with noise of a
+thousandth of its size. Both programs get the same places in the unit square and the same degree, and pygismo as many
+control points in equal spans, so that the seconds are those of the fit; unrolling the scan has a column of its own.
+pygismo (MPL 2, a peer of the benchmark alone) fits by sparse least squares and corrects the places ROUNDS times, with
+the smoothing that its own manual uses; for a torus or a tube it gets the unrolled scan without its period.
+
+Deviations are in per cent of the diagonal, of all vertices of the scan, from exact foot points found the same way for
+every surface. Seconds are processor time.
+"""
+
+import argparse
+import json
+import platform
+import time
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from recon.geometric_fit.convergence import norms
+from recon.geometric_fit.scan_kind import sheet_scan
+from recon.geometric_fit.spline_fit import SplineKind, SplineOptions, fit_sheet
+from recon.geometric_fit.spline_space import SplineSpace
+from recon.geometric_fit.tensor_space import TensorSpace, nearest_net_feet
+from recon.geometric_fit.unrolling import unrolled
+from recon.geometric_fit.updates import Update
+from recon.geometry.mesh import TriangleMesh
+from recon.numerics.bspline_basis import clamped_knots
+from recon.readers.meshes import read_mesh
+
+ROUNDS = 6
+SMOOTHING = 1e-9
+
+
+def made(kind, n):
+    """A wavy sheet, a bent tube or a wavy torus of about n points."""
+    rows = round(np.sqrt(n / 2.0))
+    around = {"wavy": (False, False), "tube": (True, False), "torus": (True, True)}[kind]
+    i, j = np.indices((2 * rows, rows))
+    a = i / (2 * rows - (0 if around[0] else 1))
+    b = j / (rows - (0 if around[1] else 1))
+    u, v = 2.0 * np.pi * a, 2.0 * np.pi * b
+    if kind == "wavy":
+        points = [4.0 * a, 2.0 * b, 0.2 * np.sin(9.0 * a) * np.cos(7.0 * b) + 0.05 * np.sin(31.0 * a + 23.0 * b)]
+    elif kind == "tube":
+        r = 1.0 + 0.1 * np.sin(3.0 * u) * np.cos(5.0 * b)
+        points = [r * np.cos(u) + b * b, r * np.sin(u), 5.0 * b]
+    else:
+        r = 1.0 + 0.1 * np.sin(5.0 * u) * np.cos(3.0 * v)
+        points = [(3.0 + r * np.cos(v)) * np.cos(u), (3.0 + r * np.cos(v)) * np.sin(u), r * np.sin(v)]
+    number = np.arange(2 * rows * rows).reshape(2 * rows, rows)
+    number = np.pad(number, [(0, int(around[0])), (0, int(around[1]))], mode="wrap")
+    p, q, r, s = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    faces = np.concatenate([np.stack([p, q, r], axis=-1).reshape(-1, 3), np.stack([p, r, s], axis=-1).reshape(-1, 3)])
+    vertices = np.stack(points, axis=-1).reshape(-1, 3)
+    noise = 1e-3 * np.ptp(vertices) * np.random.default_rng(1).normal(size=vertices.shape)
+    return TriangleMesh(vertices + noise / 3.0, faces, f"{kind} of {len(vertices)}")
+
+
+def scan_of(word):
+    if word.startswith("made:"):
+        kind, n = word[5:].split("^")
+        return made(kind, int(n))
+    return read_mesh(word).mesh
+
+
+def pygismo_row(scan, n_control):
+    """Errors and seconds of pygismo's fit in equal spans."""
+    import pygismo
+
+    sheet = sheet_scan(scan)
+    flat = unrolled(sheet)
+    points = sheet.mesh.vertices[: len(sheet.origins)]
+    low, size = points.min(axis=0), float(np.linalg.norm(np.ptp(points, axis=0)))
+    n_u = round(np.sqrt(n_control * flat.sides[0] / flat.sides[1]))
+    shape = n_u, n_control // n_u
+    knots = [clamped_knots(np.linspace(0.0, 1.0, n - 2), 3) for n in shape]
+    basis = pygismo.nurbs.gsTensorBSplineBasis2(*[pygismo.nurbs.gsKnotVector(t.tolist(), 3) for t in knots])
+    places = np.asfortranarray(flat.places[: len(points)].T)
+    begin = time.process_time()
+    fit = pygismo.modelling.gsFitting(places, np.asfortranarray((points - low).T / size), basis)
+    fit.compute(SMOOTHING)
+    once = time.process_time() - begin
+    fit.parameterCorrection(1e-8, ROUNDS, 1e-6)
+    seconds = time.process_time() - begin
+    net = fit.result().coefs().reshape(shape[1], shape[0], 3).transpose(1, 0, 2) * size + low
+    space = TensorSpace(*(SplineSpace(3, np.linspace(0.0, 1.0, n - 2)) for n in shape))
+    feet = nearest_net_feet(space, np.concatenate([net, np.ones((*shape, 1))], axis=2), points)
+    errors = norms(np.linalg.norm(feet.positions - points, axis=1), size)
+    return {"method": f"pygismo ({once:.1f} s for round 1)", "control": shape[0] * shape[1], "seconds": seconds} | {
+        "e_mean": errors.mean, "e_rms": errors.rms, "e_max": errors.maximum,
+    }  # fmt: skip
+
+
+def our_row(scan, method, options):
+    begin = time.process_time()
+    unrolled(sheet_scan(scan))
+    before = time.process_time() - begin
+    fit = fit_sheet(scan, options)
+    errors = fit.errors
+    line = {"method": method, "control": fit.space.n_control, "seconds": fit.rounds[-1].seconds, "unrolling": before}
+    return line | {"e_mean": errors.mean, "e_rms": errors.rms, "e_max": errors.maximum, "folds": fit.folds}
+
+
+def rows(name, scan, n_control, updates):
+    methods = {
+        "plain": SplineOptions(control_points=n_control, plain=True),
+        "adaptive": SplineOptions(control_points=n_control),
+        "NURBS": SplineOptions(control_points=n_control, kind=SplineKind.NURBS),
+    }
+    if updates:
+        methods = {
+            str(update): SplineOptions(control_points=n_control, plain=True, update=update, rounds=3 * ROUNDS)
+            for update in Update
+        }
+    else:
+        try:
+            yield {"scan": name} | pygismo_row(scan, n_control)
+        except ImportError:
+            print("pygismo is not installed; pip install pygismo to see it beside us")
+    for method, options in methods.items():
+        yield {"scan": name} | our_row(scan, method, options)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scans", nargs="+", help="SCAN:CONTROL_POINTS")
+    parser.add_argument("--updates", action="store_true", help="all updates side by side instead, in equal spans")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    lines = []
+    print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, one thread")
+    print(
+        f"{'scan':20}{'method':32}{'control':>8}{'E_mean':>9}{'E_rms':>9}{'E_max':>8}{'folds':>6}{'s':>8}{'unroll':>8}"
+    )
+    with threadpool_limits(limits=1):
+        # compiled code is read from its cache once, outside the clock
+        fit_sheet(made("torus", 1000), SplineOptions(control_points=100, kind=SplineKind.NURBS))
+        for word in options.scans:
+            word, count = word.rsplit(":", 1)
+            for line in rows(Path(word).name, scan_of(word), int(count), options.updates):
+                lines.append(line)
+                print(as_text(line), flush=True)
+    if options.json is not None:
+        options.json.write_text(json.dumps(lines, indent=1, default=float))
+
+
+def as_text(line):
+    unrolling, folds = line.get("unrolling"), line.get("folds")
+    return (
+        f"{line['scan'][:19]:20}{line['method']:32}{line['control']:8}{line['e_mean']:9.4f}{line['e_rms']:9.4f}"
+        f"{line['e_max']:8.3f}{'' if folds is None else folds:>6}{line['seconds']:8.2f}"
+        f"{'' if unrolling is None else format(unrolling, '8.2f'):>8}"
+    )
+
+
+if __name__ == "__main__":
+    main()
