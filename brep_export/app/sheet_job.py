@@ -35,7 +35,7 @@ __all__ = ["fit"]
 
 MERGE, FIT = 1e-7, 5e-5  # tolerances of the kernel shape, as shares of the diagonal
 NO_CREASE = 40.0  # what --crease-angle is where nobody names it
-DRAWN = 3  # cells a span in a picture
+DRAWN = 2  # of half a span, cells in a picture
 
 
 class Made(NamedTuple):
@@ -163,7 +163,7 @@ def _paint(scan: TriangleMesh, fitted: FittedSheet, path: Path) -> None:
     net = fitted.surface.control_net
     drawn = fitted.drawn(DRAWN)
     away = closest_points(drawn.vertices, scan.vertices, scan.face_vertices).distances
-    toward = _front(scan)
+    share, toward = 100.0 * away / fitted.diagonal, _front(scan)
     up = (0.0, 0.0, 1.0) if abs(toward[2]) < 0.8 else (0.0, 1.0, 0.0)
     draw(
         path,
@@ -171,7 +171,7 @@ def _paint(scan: TriangleMesh, fitted: FittedSheet, path: Path) -> None:
             View("scan", (Part(scan, CLAY[0], smooth=False),), toward, up),
             View("control net", (Part(_net_mesh(net), MADE, smooth=False),), toward, up),
             View("surface", (Part(drawn, MADE),), toward, up),
-            View("distance from the scan, mm", (Part(drawn, MADE, values=away),), toward, up),
+            View("distance from the scan", (Part(drawn, MADE, values=share, scale="% of the diagonal"),), toward, up),
         ),
     )
 

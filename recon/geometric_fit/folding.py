@@ -11,11 +11,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from recon.geometric_fit.guards import Guards, neighbour_means
 from recon.geometry.control_mesh import ControlMesh
 
-__all__ = ["Step", "stepped", "unfolded"]
+__all__ = ["Step", "smoothed_out", "stepped", "unfolded"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -63,10 +64,14 @@ def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
 
     Where no way leads out of all folds, the state with the fewest is kept.
     """
-    points = mesh.vertices
+    points, fewest = smoothed_out(mesh.vertices, guards, neighbour_means(mesh))
+    return mesh.with_vertices(points), fewest
+
+
+def smoothed_out(points: Floats, guards: FoldGuards, means: sparse.csr_array) -> tuple[Floats, int]:
+    """The same of control points (V, 3) with the matrix of their neighbours' means."""
     folded = guards.folded(points)
     best, fewest = points, int(folded.sum())
-    means = neighbour_means(mesh)
     for _ in range(UNFOLDINGS):
         if not folded.any():
             break
@@ -74,4 +79,4 @@ def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
         folded = guards.folded(points)
         if folded.sum() < fewest:
             best, fewest = points, int(folded.sum())
-    return mesh.with_vertices(best), fewest
+    return best, fewest

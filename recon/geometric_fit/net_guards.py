@@ -17,7 +17,7 @@ from recon.geometry.mesh import TriangleMesh
 from recon.numerics.bspline_basis import greville
 from recon.numerics.halfedges import edge_table
 
-__all__ = ["NetEnergy", "NetGuards", "drawn_net"]
+__all__ = ["NetEnergy", "NetGuards", "drawn_net", "net_means"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,9 +30,12 @@ NEARBY = 2  # cells without data that are covered all the same, between others
 
 
 def drawn_net(space: TensorSpace, net: Floats, uv: Floats, cells: int) -> TriangleMesh:
-    """The surface in triangles, so many cells a span, where places (n, 2) lie in or around the cells."""
-    u, v = cell_grid(space.u, cells), cell_grid(space.v, cells)
-    triangles = _cell_triangles(_covered(space, (u, v), uv))
+    """The surface in triangles, CELLS times so many a span, where places (n, 2) lie in the span or around it."""
+    coarse = cell_grid(space.u), cell_grid(space.v)
+    u, v = cell_grid(space.u, CELLS * cells), cell_grid(space.v, CELLS * cells)
+    covered = np.zeros((len(u), len(v)), dtype=bool)
+    covered[:-1, :-1] = np.kron(_covered(space, coarse, uv)[:-1, :-1], np.ones((cells, cells), dtype=bool))
+    triangles = _cell_triangles(covered)
     used, renumbered = np.unique(triangles, return_inverse=True)
     return TriangleMesh(space.grid(net, u, v).reshape(-1, 3)[used], renumbered.reshape(-1, 3), "surface")
 
@@ -90,25 +93,40 @@ def _cell_triangles(covered: Bools) -> Ints:
 def _covered(space: TensorSpace, grid: tuple[Floats, Floats], uv: Floats) -> Bools:
     """(len(u), len(v)) lower corners of the cells with data in or around them."""
     u, v = grid
+    covered = np.zeros((len(u), len(v)), dtype=bool)
+    if space.u.periodic:  # nothing of such a surface is cut away but holes
+        covered[:-1, :-1] = True
+        return covered
     at = space.within(uv)
     cell = [np.clip(np.searchsorted(g, x, side="right") - 1, 0, len(g) - 2) for g, x in zip(grid, at.T)]
     filled = np.zeros((len(u) - 1, len(v) - 1), dtype=bool)
     filled[cell[0], cell[1]] = True
-    near = filled
+    near = np.pad(filled, NEARBY)
     for number in range(2 * NEARBY):
-        near = _beside(near, (space.u.periodic, space.v.periodic), np.logical_or if number < NEARBY else np.logical_and)
-    covered = np.zeros((len(u), len(v)), dtype=bool)
+        near = _beside(near, np.logical_or if number < NEARBY else np.logical_and)
+    near = near[NEARBY:-NEARBY, NEARBY:-NEARBY]
     covered[:-1, :-1] = near | filled
     return covered
 
 
-def _beside(cells: Bools, periodic: tuple[bool, bool], find: np.ufunc) -> Bools:
+def _beside(cells: Bools, find: np.ufunc) -> Bools:
     """Whether any (or), or all (and), of a cell and its eight neighbours are marked."""
-    modes = ["wrap" if around else "edge" for around in periodic]
-    wide = np.pad(cells, [(1, 1), (0, 0)], mode=modes[0])  # type: ignore[call-overload]
-    wide = np.pad(wide, [(0, 0), (1, 1)], mode=modes[1])  # type: ignore[call-overload]
+    wide = np.pad(cells, 1, mode="constant")
     n, m = cells.shape
     return np.asarray(find.reduce([wide[i : i + n, j : j + m] for i in range(3) for j in range(3)]))
+
+
+def net_means(space: TensorSpace) -> sparse.csr_array:
+    """(V, V) mean of the neighbours of every control point in both directions."""
+    (nu, nv), ones = space.shape, [sparse.eye_array(n, format="csr") for n in space.shape]
+    links = sparse.kron(_links(nu, space.u.periodic), ones[1]) + sparse.kron(ones[0], _links(nv, space.v.periodic))
+    return sparse.csr_array(sparse.diags_array(1.0 / np.asarray(links.sum(axis=1)).ravel()) @ links)
+
+
+def _links(n: int, periodic: bool) -> sparse.csr_array:
+    first = np.arange(n if periodic else n - 1)
+    one_way = sparse.coo_array((np.ones(len(first)), (first, (first + 1) % n)), shape=(n, n)).tocsr()
+    return sparse.csr_array(one_way + one_way.T)
 
 
 class NetEnergy:

@@ -6,8 +6,8 @@
     4. errors       mean, root mean square and largest distance
     5. refine       knots where the error is, until the tolerance or the number of control points is met
 
-With NURBS the weights are free as well: each round moves them, too, by the tangent distance, where that helps. PATENT
-and BASIS are one rule here: the patent weighs error vectors of a spline with its basis functions.
+With NURBS the weights are free as well: half as many rounds again move them, too, where that helps.
+PATENT and BASIS are one rule here: the patent weighs error vectors of a spline with its basis functions.
 """
 
 from collections.abc import Callable
@@ -21,9 +21,9 @@ from threadpoolctl import threadpool_limits
 
 from recon.errors import BadOption, NoSurface
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
-from recon.geometric_fit.folding import stepped
+from recon.geometric_fit.folding import smoothed_out, stepped
 from recon.geometric_fit.knot_gains import knot_gains
-from recon.geometric_fit.net_guards import NetEnergy, NetGuards, drawn_net
+from recon.geometric_fit.net_guards import NetEnergy, NetGuards, drawn_net, net_means
 from recon.geometric_fit.net_weights import moved_weights
 from recon.geometric_fit.reweighting import reweighed
 from recon.geometric_fit.scan_data import ScanData, refuse_tangles, scan_data
@@ -142,7 +142,7 @@ class FittedSheet:
         return self.space.surface(self.net)
 
     def drawn(self, cells: int) -> TriangleMesh:
-        """The surface in triangles, so many cells a span, without cells that lie beyond the scan."""
+        """The surface in triangles, twice so many cells a span, without cells that lie beyond the scan."""
         return drawn_net(self.space, self.net, self.places, cells)
 
 
@@ -189,7 +189,10 @@ class _SheetFit:
         stopped, cycle, last = None, 0, None
         while stopped is None:
             final = self._options.plain or not self._has_room(space)
-            net, feet, folds = self._settled(space, net, (cycle, self._options.rounds if final else ROUNDS))
+            n_rounds = self._options.rounds if final else ROUNDS
+            # more knots take the weights back: they are found where the fit may end
+            free = self._options.kind is SplineKind.NURBS and (final or self._options.tolerance is not None)
+            net, feet, folds = self._settled(space, net, (cycle, n_rounds, -(-n_rounds // 2) if free else 0))
             errors = norms(self._distances(feet), 1.0)
             stopped = self._end(errors, last, final)
             if stopped is None:
@@ -264,17 +267,25 @@ class _SheetFit:
             return StoppedBy.STAGNATION
         return None
 
-    def _settled(self, space: TensorSpace, net: Floats, at: tuple[int, int]) -> tuple[Floats, NetFeet, int]:
-        """Some rounds on one net: pull, move, find the feet again. The best net, its feet, and its folds."""
-        cycle, n_rounds = at
+    def _settled(self, space: TensorSpace, net: Floats, at: tuple[int, int, int]) -> tuple[Floats, NetFeet, int]:
+        """Some rounds on one net: pull, move, find the feet again. The best net, its feet, and its folds.
+
+        at  number of the cycle, of its rounds, and of further rounds in which the weights move, too
+        """
+        cycle, n_rounds, n_free = at
         scan, weights = self._scan, net[..., 3]
+        guards, plate = NetGuards(space, weights, scan, self._uv), NetEnergy(space)
+        # a step is only allowed to keep what is not folded so: start without folds
+        unfolded, _ = smoothed_out((net[..., :3] / net[..., 3:]).reshape(-1, 3), guards, net_means(space))
+        net = _homogeneous(unfolded, weights)
         feet = self._feet(space, net, self._uv)
-        guards, plate = NetGuards(space, weights, scan, feet.uv), NetEnergy(space)
         usual = self._usual(space)
         stiffness = np.full(space.n_control, usual)
         energy, updater = plate.matrix(stiffness), Updater(self._options.update)
         best = ((space.n_control + 1, np.inf), net, feet)
-        for _ in range(n_rounds):
+        for number in range(n_rounds + n_free):
+            if number == n_rounds:  # weights find their way from a good net only
+                net, feet, updater = best[1], best[2], Updater(self._options.update)
             points = (net[..., :3] / net[..., 3:]).reshape(-1, 3)
             pull = self._pull(space, net, feet)._replace(fairness=energy)
             step = stepped(guards, points, updater.moved(points, pull))
@@ -284,7 +295,7 @@ class _SheetFit:
                 energy = plate.matrix(stiffness)
             net = _homogeneous(step.points, net[..., 3])
             feet = self._feet(space, net, feet.uv)
-            if self._options.kind is SplineKind.NURBS:
+            if number >= n_rounds:
                 net, feet = self._weighted(space, net, feet)
             errors = self._note(space, feet)
             merit = (int(step.folded.sum()), errors.rms * errors.maximum)
@@ -377,7 +388,9 @@ class _SheetFit:
             n_u, n_v = n_u + (which == 0), n_v + (which == 1)
         if not any(more):
             return None
-        return space.with_breaks(np.array(more[0]), np.array(more[1]), net)
+        finer, net = space.with_breaks(np.array(more[0]), np.array(more[1]), net)
+        # a span beside one of half its size spoils what the smaller one gains, where the scan is smooth
+        return finer.evened(net)
 
     def _finished(self, space: TensorSpace, net: Floats, end: tuple[StoppedBy, int]) -> FittedSheet:
         stopped, folds = end

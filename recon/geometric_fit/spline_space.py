@@ -23,6 +23,8 @@ __all__ = ["SplineSpace"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+EVENINGS = 4  # times that the size of each span becomes more like those beside it
+
 
 @dataclass(frozen=True, eq=False)
 class SplineSpace:
@@ -96,6 +98,18 @@ class SplineSpace:
         clamped = make_interp_spline(at, self.rows(at) @ control, k=self.degree, t=knots).c
         clamped[-1] = clamped[0]
         return np.asarray(clamped)
+
+    def evened(self) -> "SplineSpace":
+        """The space with breaks moved so that spans grow and shrink from one to the next by little."""
+        sizes = np.log(np.diff(self.breaks))
+        for _ in range(EVENINGS):
+            wide = np.pad(sizes, 1, mode="wrap" if self.periodic else "edge")
+            sizes = 0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:]
+        length = self.breaks[-1] - self.breaks[0]
+        inner = np.cumsum(np.exp(sizes))[:-1] * length / np.exp(sizes).sum()
+        return SplineSpace(
+            self.degree, np.concatenate([self.breaks[:1], self.breaks[0] + inner, self.breaks[-1:]]), self.periodic
+        )
 
     def rolled(self, number: int, control: Floats) -> tuple["SplineSpace", Floats]:
         """A periodic space with its seam at another of its breaks, and the control points there of the same curve."""

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.spatial import cKDTree
 
 from recon.geometric_fit.spline_space import SplineSpace
@@ -73,10 +74,16 @@ class TensorSpace:
 
     def changed(self, other: "TensorSpace", net: Floats) -> Floats:
         """The net of the same surface in a finer space, or of one through its points there in a coarser space."""
-        at = _both(self.u.rows(other.u.abscissae()), self.v.rows(other.v.abscissae()), net)
-        first = other.u.interpolated(at.reshape(at.shape[0], -1)).reshape(-1, *at.shape[1:])
+        changed = other.interpolated(_both(self.u.rows(other.u.abscissae()), self.v.rows(other.v.abscissae()), net))
+        if not is_rational(net):
+            changed[..., 3] = 1.0  # but for rounding they are
+        return changed
+
+    def interpolated(self, values: Floats) -> Floats:
+        """(nu, nv, d) net of the surface that takes values of that shape at the abscissae."""
+        first = self.u.interpolated(values.reshape(values.shape[0], -1)).reshape(-1, *values.shape[1:])
         turned = first.transpose(1, 0, 2)
-        second = other.v.interpolated(turned.reshape(turned.shape[0], -1)).reshape(-1, *turned.shape[1:])
+        second = self.v.interpolated(turned.reshape(turned.shape[0], -1)).reshape(-1, *turned.shape[1:])
         return np.ascontiguousarray(second.transpose(1, 0, 2))
 
     def with_breaks(self, u: Floats, v: Floats, net: Floats) -> tuple["TensorSpace", Floats]:
@@ -88,16 +95,30 @@ class TensorSpace:
         )
         return finer, self.changed(finer, net)
 
+    def evened(self, net: Floats) -> tuple["TensorSpace", Floats]:
+        """The space with spans that change by little from one to the next, and a net there of about the same surface.
+
+        Weights are 1 there: between other breaks they would no longer be positive for sure.
+        """
+        even = TensorSpace(self.u.evened(), self.v.evened())
+        points = even.interpolated(self.grid(net, even.u.abscissae(), even.v.abscissae()))
+        return even, np.concatenate([points, np.ones((*points.shape[:2], 1))], axis=2)
+
     def surface(self, net: Floats) -> BSplineSurface:
         """The clamped surface of a net; a periodic one begins and ends at its seam."""
         first = self.u.clamped(net.reshape(net.shape[0], -1)).reshape(-1, *net.shape[1:])
         turned = first.transpose(1, 0, 2)
         second = self.v.clamped(turned.reshape(turned.shape[0], -1)).reshape(-1, *turned.shape[1:])
         clamped = second.transpose(1, 0, 2)
-        weights = None if (net[..., 3] == 1.0).all() else clamped[..., 3]
+        weights = clamped[..., 3] if is_rational(net) else None
         points = clamped[..., :3] if weights is None else projected(clamped)
         knots_u, knots_v = (clamped_knots(space.breaks, space.degree) for space in (self.u, self.v))
         return BSplineSurface(self.u.degree, self.v.degree, knots_u, knots_v, points, weights)
+
+
+def is_rational(net: Floats) -> bool:
+    """Whether some weight is another than 1."""
+    return bool((net[..., 3] != 1.0).any())
 
 
 def projected(net: Floats) -> Floats:
@@ -105,7 +126,7 @@ def projected(net: Floats) -> Floats:
     return np.asarray(net[..., :3] / net[..., 3:])
 
 
-def _both(rows_u, rows_v, net: Floats) -> Floats:  # type: ignore[no-untyped-def]
+def _both(rows_u: sparse.csr_array, rows_v: sparse.csr_array, net: Floats) -> Floats:
     first = np.asarray(rows_u @ net.reshape(net.shape[0], -1)).reshape(-1, *net.shape[1:])
     turned = np.ascontiguousarray(first.transpose(1, 0, 2))
     second = np.asarray(rows_v @ turned.reshape(turned.shape[0], -1)).reshape(-1, *turned.shape[1:])

@@ -116,11 +116,13 @@ def _relaxed(
 
 
 def _is_sound(sheet: SheetScan, places: Floats, jumps: Ints) -> bool:
-    """Whether no triangle of the scan is turned over, and no border of a disc overlaps itself."""
-    if n_turned(_corners(places, sheet.mesh.face_vertices, jumps), measured_areas(sheet)):
+    """Whether no triangle of the scan is turned over, nor one over a hole; if that, the hole must not overlap itself."""
+    corners = _corners(places, sheet.mesh.face_vertices, jumps)
+    if n_turned(corners, measured_areas(sheet)):
         return False
-    loops = (*sheet.rims, *sheet.holes) if sheet.kind is ScanKind.DISC else ()
-    return all(_overlap(places[loop]) < OVERLAP for loop in loops)
+    if not n_turned(corners[sheet.n_faces :], np.ones(len(corners) - sheet.n_faces)):
+        return sheet.kind is not ScanKind.DISC or _overlap(places[sheet.rims[0]]) < OVERLAP
+    return sheet.kind is ScanKind.DISC and all(_overlap(places[loop]) < OVERLAP for loop in (*sheet.rims, *sheet.holes))
 
 
 def measured_areas(sheet: SheetScan) -> Floats:
@@ -157,7 +159,7 @@ def seen_from_one_side(sheet: SheetScan) -> Floats | None:
     if found.fun >= OVERLAP:
         return None
     flat = mesh.vertices @ _axes_across(steepest + found.x @ aside).T
-    return np.asarray(flat @ _least_box(flat[sheet.rims[0]])[1].T)
+    return np.asarray(flat @ _least_box(flat[sheet.rims[0]])[1])
 
 
 def _axes_across(toward: Floats) -> Floats:

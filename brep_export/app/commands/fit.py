@@ -63,9 +63,7 @@ def fit(
     ] = None,
     surface: Annotated[
         Surface | None,
-        typer.Option(
-            help="Scheme, or one spline face; by its faces for a control mesh; quads in rows for a solid."
-        ),
+        typer.Option(help="Scheme, or one spline face; by its faces for a control mesh; quads in rows for a solid."),
     ] = None,
     control_points: Annotated[int | None, typer.Option(help="At most so many control points.", min=4)] = None,
     tolerance: Annotated[
