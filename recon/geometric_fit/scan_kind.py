@@ -22,12 +22,12 @@ from recon.geometric_fit.hole_filling import fill_loops
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import boundary_loops, connected_components, euler_number, opposite_sides
 
-__all__ = ["ScanKind", "SheetScan", "sheet_scan"]
+__all__ = ["ScanKind", "SheetScan", "sheet_scans"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-RIM = 0.4  # of the longest border, from where on the second longest is the other rim of a cylinder
+RIM = 0.4  # of the longest border, from where on the second longest may be the other rim of a cylinder
 ADVICE = "fit it with --surface loop, or cut it into such parts"
 
 
@@ -59,10 +59,11 @@ class SheetScan:
     holes: tuple[Ints, ...]
 
 
-def sheet_scan(scan: TriangleMesh) -> SheetScan:
-    """The scan as a disc, a cylinder or a torus; vertices that no face uses are left out.
+def sheet_scans(scan: TriangleMesh) -> list[SheetScan]:
+    """The scan as a disc, a cylinder or a torus; with two long borders as a cylinder first, and as a disc.
 
-    Where borders touch in a vertex, they are taken apart there: the vertex is there twice, in one place.
+    Vertices that no face uses are left out. Where borders touch in a vertex, they are taken apart there: the vertex is
+    there twice, in one place.
     Raises  NoSurface naming what it is instead, and what to do.
     """
     apart, origins = _taken_apart(scan)
@@ -70,7 +71,10 @@ def sheet_scan(scan: TriangleMesh) -> SheetScan:
     if n_parts > 1:
         raise NoSurface(f"{scan.name} is in {n_parts} parts, and one B-spline surface covers one; fit each alone.")
     loops = sorted(boundary_loops(apart.face_vertices), key=lambda loop: -_length(apart.vertices, loop))
-    kind = _kind(apart, loops)
+    return [_as_kind(kind, apart, origins, loops) for kind in _kinds(apart, loops)]
+
+
+def _as_kind(kind: ScanKind, apart: TriangleMesh, origins: Ints, loops: list[Ints]) -> SheetScan:
     n_rims = {ScanKind.DISC: 1, ScanKind.CYLINDER: 2, ScanKind.TORUS: 0}[kind]
     rims, holes = loops[:n_rims], loops[n_rims:]
     return SheetScan(kind, fill_loops(apart, holes), origins, apart.n_faces, tuple(rims), tuple(holes))
@@ -93,21 +97,22 @@ def _taken_apart(scan: TriangleMesh) -> tuple[TriangleMesh, Ints]:
     return TriangleMesh(scan.vertices[origins[order]], faces, scan.name), origins[order]
 
 
-def _kind(scan: TriangleMesh, loops: list[Ints]) -> ScanKind:
+def _kinds(scan: TriangleMesh, loops: list[Ints]) -> list[ScanKind]:
     genus = (2 - len(loops) - euler_number(scan.face_vertices)) // 2
     if genus == 1 and not loops:
-        return ScanKind.TORUS
+        return [ScanKind.TORUS]
     if genus == 1:
         length = _length(scan.vertices, loops[0])
         if length < np.sqrt(np.linalg.norm(scan.area_vectors(), axis=1).sum()):
-            return ScanKind.TORUS
+            return [ScanKind.TORUS]
     if genus > 0:
         handles = "one handle and a wide border" if genus == 1 else f"{genus} handles"
         raise NoSurface(f"{scan.name} has {handles}, where a B-spline surface is a disc, a tube or a torus; {ADVICE}.")
     if not loops:
         raise NoSurface(f"{scan.name} is closed as a sphere is, where a B-spline surface would have poles; {ADVICE}.")
     second = _length(scan.vertices, loops[1]) if len(loops) > 1 else 0.0
-    return ScanKind.CYLINDER if second > RIM * _length(scan.vertices, loops[0]) else ScanKind.DISC
+    two_rims = second > RIM * _length(scan.vertices, loops[0])
+    return [ScanKind.CYLINDER, ScanKind.DISC] if two_rims else [ScanKind.DISC]
 
 
 def _length(vertices: Floats, loop: Ints) -> float:

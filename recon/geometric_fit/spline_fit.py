@@ -27,7 +27,7 @@ from recon.geometric_fit.net_guards import NetEnergy, NetGuards, drawn_net, net_
 from recon.geometric_fit.net_weights import moved_weights
 from recon.geometric_fit.reweighting import reweighed
 from recon.geometric_fit.scan_data import ScanData, refuse_tangles, scan_data
-from recon.geometric_fit.scan_kind import ScanKind, SheetScan, sheet_scan
+from recon.geometric_fit.scan_kind import ScanKind, SheetScan
 from recon.geometric_fit.spline_space import SplineSpace
 from recon.geometric_fit.tangent_distance import BasisRows, Metric, tangent_distance_move
 from recon.geometric_fit.tensor_space import (
@@ -161,17 +161,17 @@ def fit_sheet(
         raise NoSurface(f"{scan.name} has {scan.n_faces} triangles; a surface cannot be fitted to so few.")
     refuse_tangles(scan)
     with threadpool_limits(limits=1, user_api="blas"):
-        sheet = sheet_scan(scan)
-        doing(f"unrolling the scan, a {sheet.kind}")
-        return _SheetFit(sheet, unrolled(sheet), chosen, doing).run()
+        doing("unrolling the scan")
+        return _SheetFit(unrolled(scan), chosen, doing).run()
 
 
 class _SheetFit:
     """One run, in a box of diagonal 1 around the origin."""
 
-    def __init__(self, sheet: SheetScan, flat: Unrolled, options: SplineOptions, doing: Callable[[str], None]) -> None:
+    def __init__(self, flat: Unrolled, options: SplineOptions, doing: Callable[[str], None]) -> None:
         self._begin = perf_counter()
-        self._sheet, self._options, self._doing = sheet, options, doing
+        self._sheet, self._options, self._doing = flat.sheet, options, doing
+        sheet = flat.sheet
         measured = sheet.mesh.vertices[: len(sheet.origins)]
         self._middle = measured.mean(axis=0)
         self._diagonal = float(np.linalg.norm(np.ptp(measured, axis=0)))
@@ -441,7 +441,7 @@ def _sample_places(scan: ScanData, flat: Unrolled) -> Floats:
     determinant = np.maximum(aa * bb - ab * ab, 1e-300)
     v, w = (bb * ao - ab * bo) / determinant, (aa * bo - ab * ao) / determinant
     bary = np.stack([1.0 - v - w, v, w], axis=1)
-    corners = flat.face_corners(scan.mesh.face_vertices)[scan.sampled_faces]
+    corners = flat.face_corners()[scan.sampled_faces]
     return np.asarray(np.einsum("fk,fkx->fx", bary, corners))
 
 

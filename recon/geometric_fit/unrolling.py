@@ -15,6 +15,7 @@ w_ij    weight of a spring; stretch of a triangle: length of the scan over lengt
 Paper  [floater1997] the disc, [gortler2006] cylinder and torus, [yoshizawa2004] springs by stretch.
 """
 
+from contextlib import suppress
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -29,11 +30,11 @@ from shapely import Polygon, make_valid
 
 from recon.errors import NoSurface
 from recon.geometric_fit.hole_filling import cotangents
-from recon.geometric_fit.scan_kind import ScanKind, SheetScan
+from recon.geometric_fit.scan_kind import ScanKind, SheetScan, sheet_scans
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import edge_table, opposite_sides
 
-__all__ = ["Unrolled", "unrolled"]
+__all__ = ["Unrolled", "unrolled", "unrolled_sheet"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -46,29 +47,48 @@ LOOKS, FLATTEST = 30, 1e-3  # attempts to find a side from which all is seen, an
 SOFTENING = 0.75  # power of the stretch by which they are
 ROUNDNESS = 6.0  # of the rim of a disc, a superellipse: 2 an ellipse, infinite a rectangle with corners that pinch
 MARGIN = 0.02  # of the rectangle around the rim of a disc, where the surface goes on beyond the scan
+STRETCHED = 1.2  # stretch from where on what may be a cylinder is tried as a disc
 LARGE = 200_000  # vertices from where on springs are made softer a few times only
 FEW_ROUNDS = 3
 
 
 class Unrolled(NamedTuple):
-    """Places of the vertices.
+    """A scan and the places of its vertices.
 
     places   (V, 2) in the unit square; in a periodic direction from 0 to below 1
     sides    (2,) what the square's sides are in the scan's unit, in the mean
     jumps    (F, 3, 2) periods between the start and the end of each side of each face
+    stretch  root mean square over the scan: 1 where all lengths are kept
     """
 
+    sheet: SheetScan
     places: Floats
     sides: Floats
     jumps: Ints
+    stretch: float
 
-    def face_corners(self, faces: Ints) -> Floats:
+    def face_corners(self) -> Floats:
         """(F, 3, 2) corners of every face, one beside the other even across a seam."""
-        return _corners(self.places, faces, self.jumps)
+        return _corners(self.places, self.sheet.mesh.face_vertices, self.jumps)
 
 
-def unrolled(sheet: SheetScan) -> Unrolled:
-    """Unroll a scan.
+def unrolled(scan: TriangleMesh) -> Unrolled:
+    """Unroll a scan as what it is, and where it may be two things as the one with less stretch.
+
+    Raises  NoSurface where it is none, or cannot be unrolled.
+    """
+    *others, last = sheet_scans(scan)
+    found = []
+    for sheet in others:
+        with suppress(NoSurface):
+            found.append(unrolled_sheet(sheet))
+    if not found or found[0].stretch > STRETCHED:
+        found.append(unrolled_sheet(last))
+    return min(found, key=lambda flat: flat.stretch)
+
+
+def unrolled_sheet(sheet: SheetScan) -> Unrolled:
+    """Unroll a scan of one kind.
 
     A disc that can be seen whole from one side begins as it is seen from there, others on a superellipse.
     Promises  every triangle runs counter-clockwise in the square, those of positive area on the scan that is.
@@ -97,7 +117,7 @@ def unrolled(sheet: SheetScan) -> Unrolled:
 
 def _relaxed(
     sheet: SheetScan, jumps: Ints, rim: tuple[Ints, Floats], seen: Floats | None
-) -> tuple[Floats, Floats, Ints] | None:
+) -> tuple[Floats, Floats, Ints, float] | None:
     """Places, sides of the rectangle and jumps of the sound round with the least stretch; None where none is sound."""
     mesh = sheet.mesh
     held, where = rim
@@ -110,13 +130,16 @@ def _relaxed(
         sides, stretch = _stretch(mesh, _corners(straight, mesh.face_vertices, periods), area)
         total = float((area * np.minimum(stretch, WORST) ** 2).sum())
         if total < least and _is_sound(sheet, straight, periods):
-            best, least = (straight, sides, periods), total
+            best, least = (straight, sides, periods, float(np.sqrt(total / area.sum()))), total
         springs.soften(stretch, area)
     return best
 
 
 def _is_sound(sheet: SheetScan, places: Floats, jumps: Ints) -> bool:
-    """Whether no triangle of the scan is turned over, nor one over a hole; if that, the hole must not overlap itself."""
+    """Whether no triangle of the scan is turned over, and no border overlaps itself.
+
+    Where none over a hole is turned over either, only the rim can.
+    """
     corners = _corners(places, sheet.mesh.face_vertices, jumps)
     if n_turned(corners, measured_areas(sheet)):
         return False
@@ -190,7 +213,7 @@ def _overlap(row: Floats) -> float:
     return abs(make_valid(Polygon(row)).area - covered) / max(covered, 1e-300)
 
 
-def _finished(sheet: SheetScan, places: Floats, sides: Floats, jumps: Ints) -> Unrolled:
+def _finished(sheet: SheetScan, places: Floats, sides: Floats, jumps: Ints, stretch: float) -> Unrolled:
     mesh = sheet.mesh
     low = places.min(axis=0)
     size = np.ones(2)
@@ -204,7 +227,7 @@ def _finished(sheet: SheetScan, places: Floats, sides: Floats, jumps: Ints) -> U
     around = np.floor(places).astype(np.int64) * periodic
     # who moves by a period is seen from all neighbours a period nearer
     seen = around[np.roll(mesh.face_vertices, -1, axis=1)] - around[mesh.face_vertices]
-    return Unrolled(places - around, sides * size, jumps + seen)
+    return Unrolled(sheet, places - around, sides * size, jumps + seen, stretch)
 
 
 def _corners(places: Floats, faces: Ints, jumps: Ints) -> Floats:

@@ -68,15 +68,15 @@ def test_more_knots_leave_the_surface_where_it_is(space):
 
 def test_feet_are_as_near_as_a_dense_search_finds(fits):
     for scan, fit in fits.values():
-        t = np.linspace(0.0, 1.0, 401)
+        t = np.linspace(0.0, 1.0, 251)
         drawn = fit.surface.grid(t, t)
-        number = np.arange(401 * 401).reshape(401, 401)
+        number = np.arange(251 * 251).reshape(251, 251)
         p, q, r, s = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
         faces = np.concatenate([np.stack([p, q, r], -1).reshape(-1, 3), np.stack([p, r, s], -1).reshape(-1, 3)])
-        chosen = np.arange(0, scan.n_vertices, 31)
+        chosen = np.arange(0, scan.n_vertices, 61)
         dense = closest_points(scan.vertices[chosen], drawn.reshape(-1, 3), faces).distances
         # the flat triangles of the dense search are off the surface by less than this
-        assert np.abs(fit.distances[chosen] - dense).max() < 5e-5 * fit.diagonal
+        assert np.abs(fit.distances[chosen] - dense).max() < 1.5e-4 * fit.diagonal
 
 
 def test_errors_are_those_of_the_distances(fits):
@@ -118,8 +118,8 @@ def test_a_surface_that_runs_around_is_smooth_over_its_seam(fits):
 
 
 def test_noise_is_smoothed_and_not_followed():
-    clean, rough = torus(30), torus(30, noise=0.01)
-    fit = fit_sheet(rough, SplineOptions(control_points=300))
+    clean, rough = torus(24, waves=0.0), torus(24, waves=0.0, noise=0.01)
+    fit = fit_sheet(rough, SplineOptions(control_points=120, plain=True))
     off = nearest_net_feet(fit.space, fit.net, clean.vertices)
     rms = np.sqrt(np.mean(np.sum((off.positions - clean.vertices) ** 2, axis=1)))
     assert rms < 0.5 * 0.01 and fit.folds == 0
