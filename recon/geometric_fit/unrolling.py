@@ -144,8 +144,8 @@ def _is_sound(sheet: SheetScan, places: Floats, jumps: Ints) -> bool:
     if n_turned(corners, measured_areas(sheet)):
         return False
     if not n_turned(corners[sheet.n_faces :], np.ones(len(corners) - sheet.n_faces)):
-        return sheet.kind is not ScanKind.DISC or _overlap(places[sheet.rims[0]]) < OVERLAP
-    return sheet.kind is ScanKind.DISC and all(_overlap(places[loop]) < OVERLAP for loop in (*sheet.rims, *sheet.holes))
+        return sheet.kind is not ScanKind.DISC or _overlap(places, sheet.rims) < OVERLAP
+    return sheet.kind is ScanKind.DISC and _overlap(places, (*sheet.rims, *sheet.holes)) < OVERLAP
 
 
 def measured_areas(sheet: SheetScan) -> Floats:
@@ -156,7 +156,7 @@ def measured_areas(sheet: SheetScan) -> Floats:
 
 
 def seen_from_one_side(sheet: SheetScan) -> Floats | None:
-    """(V, 2) the scan seen from where all its triangles show their front and its rim does not overlap itself.
+    """(V, 2) the scan seen from where all its triangles show their front and no border overlaps itself.
 
     None where no such side is found: from the one that is steepest on all triangles the search goes on to where less
     is hidden, as the side from which a scanner saw it is one.
@@ -166,11 +166,11 @@ def seen_from_one_side(sheet: SheetScan) -> Floats | None:
     steepest = _steepest_side(normals)
     if steepest is None:
         return None
-    aside, rim = _axes_across(steepest), mesh.vertices[sheet.rims[0]]
+    aside, loops = _axes_across(steepest), (*sheet.rims, *sheet.holes)
 
     def hidden(turn: Floats) -> float:
         toward = steepest + turn @ aside
-        return _overlap(rim @ _axes_across(toward).T) if (normals @ toward).min() > 0.0 else 1.0
+        return _overlap(mesh.vertices @ _axes_across(toward).T, loops) if (normals @ toward).min() > 0.0 else 1.0
 
     def stop(intermediate_result: OptimizeResult) -> None:
         if intermediate_result.fun < OVERLAP:
@@ -207,10 +207,12 @@ def _steepest_side(normals: Floats) -> Floats | None:
     return None
 
 
-def _overlap(row: Floats) -> float:
-    """Share of what a closed row of points (n, 2) covers that it covers not once; it may touch itself."""
-    covered = 0.5 * abs(float(_cross(row, np.roll(row, -1, axis=0)).sum()))
-    return abs(make_valid(Polygon(row)).area - covered) / max(covered, 1e-300)
+def _overlap(places: Floats, loops: tuple[Ints, ...]) -> float:
+    """Area that closed rows of places cover not once, as a share of what the first covers; they may touch."""
+    rows = [places[loop] for loop in loops]
+    covered = [0.5 * abs(float(_cross(row, np.roll(row, -1, axis=0)).sum())) for row in rows]
+    off = sum(abs(make_valid(Polygon(row)).area - area) for row, area in zip(rows, covered))
+    return off / max(covered[0], 1e-300)
 
 
 def _finished(sheet: SheetScan, places: Floats, sides: Floats, jumps: Ints, stretch: float) -> Unrolled:
