@@ -66,7 +66,10 @@ def fit(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any],
     with bench.phase("reconstruct", "fitting the surface"):
         fitted = fit_sheet(file.mesh, options, doing=bench.doing)
     if fitted.folds:
-        bench.note(f"the surface folds at {fitted.folds} control points; more of them would keep it smooth.")
+        bench.note(
+            f"the surface folds at {fitted.folds} control points: the scan is stretched {fitted.stretch:.1f} times "
+            "to be unrolled, and --surface loop does not unroll it."
+        )
     kernel, reasons, written = _shape_written(file.mesh, fitted, request, bench)
     answer = result(
         "fit",
@@ -153,6 +156,7 @@ def _figures(fitted: FittedSheet, request: Mapping[str, Any]) -> dict[str, Any]:
         "e_max_percent": fitted.errors.maximum,
         "stopped_by": str(fitted.stopped_by),
         "folds": fitted.folds,
+        "stretch": fitted.stretch,
         "closed_holes": n_holes if request["close"] else 0,
     }
 

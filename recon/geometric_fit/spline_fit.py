@@ -11,28 +11,26 @@ PATENT and BASIS are one rule here: the patent weighs error vectors of a spline 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadOption, NoSurface
+from recon.errors import NoSurface
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.folding import smoothed_out, stepped
 from recon.geometric_fit.knot_gains import knot_gains
-from recon.geometric_fit.net_guards import NetEnergy, NetGuards, drawn_net, net_means
+from recon.geometric_fit.net_guards import NetEnergy, NetGuards, net_means
 from recon.geometric_fit.net_weights import moved_weights
 from recon.geometric_fit.reweighting import reweighed
 from recon.geometric_fit.scan_data import ScanData, refuse_tangles, scan_data
-from recon.geometric_fit.scan_kind import ScanKind, SheetScan
+from recon.geometric_fit.scan_kind import ScanKind
+from recon.geometric_fit.spline_options import FittedSheet, SplineKind, SplineOptions
 from recon.geometric_fit.spline_space import SplineSpace
 from recon.geometric_fit.tangent_distance import BasisRows, Metric, tangent_distance_move
 from recon.geometric_fit.tensor_space import (
     EXACT,
-    MOST_DEGREE,
     NetFeet,
     TensorSpace,
     nearest_net_feet,
@@ -40,8 +38,7 @@ from recon.geometric_fit.tensor_space import (
     walk_net_feet,
 )
 from recon.geometric_fit.unrolling import Unrolled, unrolled
-from recon.geometric_fit.updates import Pull, Update, Updater
-from recon.geometry.bspline import BSplineSurface
+from recon.geometric_fit.updates import Pull, Updater
 from recon.geometry.mesh import TriangleMesh
 
 __all__ = ["FittedSheet", "SplineKind", "SplineOptions", "fit_sheet"]
@@ -57,93 +54,6 @@ STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, i
 EASING = 1.4  # times less stiff a round where it would not
 GROWTH = 1.5  # times more control points a cycle, where only a tolerance is given
 STAGNATION = 0.01  # a cycle that lowers neither error by this share brings no more
-
-
-class SplineKind(StrEnum):
-    """What the surface is made of."""
-
-    BSPLINE = "bspline"
-    NURBS = "nurbs"
-
-
-@dataclass(frozen=True)
-class SplineOptions:
-    """What a user may choose.
-
-    kind            BSPLINE, or NURBS: weights are found as well
-    degree          in both directions
-    control_points  at most so many; None: as many as the tolerance needs, or a twentieth of the points without one
-    tolerance       length that no data point may be off by; None: no limit
-    update          the rule by which control points move
-    plain           all control points from the start, equal spans, no refinement and no reweighting
-    rounds          on the last control net
-    robust          points far off count less, not more: for scans with outliers
-    Raises  BadOption.
-    """
-
-    kind: SplineKind = SplineKind.BSPLINE
-    degree: int = 3
-    control_points: int | None = None
-    tolerance: float | None = None
-    update: Update = Update.TANGENT
-    plain: bool = False
-    rounds: int = 6
-    robust: bool = False
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.degree <= MOST_DEGREE:
-            raise BadOption("--degree", f"must be 1 to {MOST_DEGREE}, not {self.degree}")
-        if self.control_points is not None and self.control_points < self.least:
-            raise BadOption("--control-points", f"a net of degree {self.degree} needs {self.least}")
-        if self.rounds < 1:
-            raise BadOption("--rounds", f"must be at least 1, not {self.rounds}")
-        if self.tolerance is not None and not 0 < self.tolerance < np.inf:
-            raise BadOption("--tolerance", f"must be a positive length, not {self.tolerance}")
-
-    @property
-    def least_side(self) -> int:
-        """Control points in one direction without which there is no net, periodic or not."""
-        return self.degree + 2
-
-    @property
-    def least(self) -> int:
-        return self.least_side**2
-
-
-@dataclass(frozen=True, eq=False)
-class FittedSheet:
-    """What was found.
-
-    space, net   of the surface: in a periodic direction nothing is repeated
-    sheet        the scan as it was unrolled
-    places       (n, 2) feet of the vertices of `sheet`
-    distances    (N,) of the scan's points from the surface, foot points exact
-    errors       their norms in per cent of the diagonal
-    diagonal     of the box around the scan
-    rounds       the record, one row a round
-    stopped_by   what ended the fit
-    folds        control points around which the surface still folds where the scan does not
-    """
-
-    space: TensorSpace
-    net: Floats
-    sheet: SheetScan
-    places: Floats
-    distances: Floats
-    errors: Norms
-    diagonal: float
-    rounds: tuple[Round, ...]
-    stopped_by: StoppedBy
-    folds: int
-
-    @property
-    def surface(self) -> BSplineSurface:
-        """Clamped; where the scan runs around, it begins and ends at a seam, as smooth there as elsewhere."""
-        return self.space.surface(self.net)
-
-    def drawn(self, cells: int) -> TriangleMesh:
-        """The surface in triangles, twice so many cells a span, without cells that lie beyond the scan."""
-        return drawn_net(self.space, self.net, self.places, cells)
 
 
 def fit_sheet(
@@ -179,7 +89,7 @@ class _SheetFit:
         self._limit = _most_control_points(len(measured), options)
         self._scan = scan_data(mesh, self._limit, n_measured=len(measured))
         self._rims = np.concatenate(sheet.rims) if sheet.kind is ScanKind.CYLINDER else np.empty(0, dtype=np.int64)
-        self._sides = flat.sides
+        self._sides, self._stretch = flat.sides, flat.stretch
         self._uv = np.concatenate([flat.places, _sample_places(self._scan, flat)])
         self._weights = self._scan.weights.copy()
         self._record: list[Round] = []
@@ -419,6 +329,7 @@ class _SheetFit:
             diagonal=self._diagonal,
             rounds=tuple(self._record),
             stopped_by=stopped,
+            stretch=self._stretch,
             folds=folds,
         )
 

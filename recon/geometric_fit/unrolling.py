@@ -2,6 +2,7 @@
 
 Vertices are joined by springs and rest where each is the weighted mean of its neighbours; weights are positive, so no
 triangle turns over (disc: its border on a convex curve; cylinder: its borders on two sides; torus: nothing is held).
+A disc that can be seen whole from one side keeps its outline from there, which need not be convex: it is checked.
 Springs are then made softer where the rectangle is too small for the scan, as long as that helps.
 
      disc                    cylinder                        torus
@@ -16,23 +17,21 @@ Paper  [floater1997] the disc, [gortler2006] cylinder and torus, [yoshizawa2004]
 """
 
 from contextlib import suppress
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.optimize import OptimizeResult, linprog, minimize
-from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
-from scipy.spatial import ConvexHull
-from shapely import Polygon, make_valid
 
 from recon.errors import NoSurface
 from recon.geometric_fit.hole_filling import cotangents
+from recon.geometric_fit.one_sided_view import OVERLAP, measured_areas, overlap, seen_from_one_side
+from recon.geometric_fit.rim_places import cross, rim_places, shares
 from recon.geometric_fit.scan_kind import ScanKind, SheetScan, sheet_scans
+from recon.geometric_fit.seams import jumps_around, jumps_between
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.halfedges import edge_table, opposite_sides
+from recon.numerics.halfedges import opposite_sides
 
 __all__ = ["Unrolled", "unrolled", "unrolled_sheet"]
 
@@ -42,10 +41,7 @@ Ints = NDArray[np.int64]
 MOST_ROUNDS = 8  # in which springs are made softer
 USUAL = 4.0  # times the median, up to which the speed of a face counts for the sides of the rectangle
 WORST = 30.0  # stretch that counts: a triangle squeezed to nothing at the rim is not all there is
-OVERLAP = 1e-6  # share of the rectangle that a border may cover twice, for rounding
-LOOKS, FLATTEST = 30, 1e-3  # attempts to find a side from which all is seen, and the least cosine there
 SOFTENING = 0.75  # power of the stretch by which they are
-ROUNDNESS = 6.0  # of the rim of a disc, a superellipse: 2 an ellipse, infinite a rectangle with corners that pinch
 MARGIN = 0.02  # of the rectangle around the rim of a disc, where the surface goes on beyond the scan
 STRETCHED = 1.2  # stretch from where on what may be a cylinder is tried as a disc
 LARGE = 200_000  # vertices from where on springs are made softer a few times only
@@ -55,6 +51,7 @@ FEW_ROUNDS = 3
 class Unrolled(NamedTuple):
     """A scan and the places of its vertices.
 
+    sheet    the scan as what it was unrolled as
     places   (V, 2) in the unit square; in a periodic direction from 0 to below 1
     sides    (2,) what the square's sides are in the scan's unit, in the mean
     jumps    (F, 3, 2) periods between the start and the end of each side of each face
@@ -98,9 +95,9 @@ def unrolled_sheet(sheet: SheetScan) -> Unrolled:
     across = opposite_sides(mesh.face_vertices)
     jumps = np.zeros((mesh.n_faces, 3, 2), dtype=np.int64)
     if sheet.kind is ScanKind.CYLINDER:
-        jumps[..., 0] = _jumps_between(mesh.face_vertices, across, sheet.rims)
+        jumps[..., 0] = jumps_between(mesh.face_vertices, across, sheet.rims)
     elif sheet.kind is ScanKind.TORUS:
-        jumps = _jumps_around(mesh.face_vertices, across, mesh.n_vertices)
+        jumps = jumps_around(mesh.face_vertices, across, mesh.n_vertices)
     seen = seen_from_one_side(sheet) if sheet.kind is ScanKind.DISC else None
     if seen is not None:
         relaxed = _relaxed(sheet, jumps, (sheet.rims[0], seen[sheet.rims[0]]), seen)
@@ -144,75 +141,8 @@ def _is_sound(sheet: SheetScan, places: Floats, jumps: Ints) -> bool:
     if n_turned(corners, measured_areas(sheet)):
         return False
     if not n_turned(corners[sheet.n_faces :], np.ones(len(corners) - sheet.n_faces)):
-        return sheet.kind is not ScanKind.DISC or _overlap(places, sheet.rims) < OVERLAP
-    return sheet.kind is ScanKind.DISC and _overlap(places, (*sheet.rims, *sheet.holes)) < OVERLAP
-
-
-def measured_areas(sheet: SheetScan) -> Floats:
-    """(F,) twice the area of every face of the scan, zero of those laid over holes."""
-    area = np.linalg.norm(sheet.mesh.area_vectors(), axis=1)
-    area[sheet.n_faces :] = 0.0
-    return area
-
-
-def seen_from_one_side(sheet: SheetScan) -> Floats | None:
-    """(V, 2) the scan seen from where all its triangles show their front and no border overlaps itself.
-
-    None where no such side is found: from the one that is steepest on all triangles the search goes on to where less
-    is hidden, as the side from which a scanner saw it is one.
-    """
-    mesh, length = sheet.mesh, measured_areas(sheet)
-    normals = 2.0 * mesh.area_vectors()[length > 0.0] / length[length > 0.0, None]
-    steepest = _steepest_side(normals)
-    if steepest is None:
-        return None
-    aside, loops = _axes_across(steepest), (*sheet.rims, *sheet.holes)
-
-    def hidden(turn: Floats) -> float:
-        toward = steepest + turn @ aside
-        return _overlap(mesh.vertices @ _axes_across(toward).T, loops) if (normals @ toward).min() > 0.0 else 1.0
-
-    def stop(intermediate_result: OptimizeResult) -> None:
-        if intermediate_result.fun < OVERLAP:
-            raise StopIteration
-
-    first = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]])
-    search = {"initial_simplex": first, "maxfev": 4 * LOOKS}
-    found = minimize(hidden, first[0], method="Nelder-Mead", callback=stop, options=search)
-    if found.fun >= OVERLAP:
-        return None
-    flat = mesh.vertices @ _axes_across(steepest + found.x @ aside).T
-    return np.asarray(flat @ _least_box(flat[sheet.rims[0]])[1])
-
-
-def _axes_across(toward: Floats) -> Floats:
-    """(2, 3) unit vectors across a direction that make a right-handed frame with it."""
-    axes = np.linalg.svd(toward[None])[2][1:]
-    return axes if np.linalg.det([*axes, toward]) > 0.0 else axes[::-1]
-
-
-def _steepest_side(normals: Floats) -> Floats | None:
-    """(3,) unit direction whose least cosine with normals (n, 3) is largest, by a linear program; None without any."""
-    toward = normals.mean(axis=0)
-    chosen = np.empty(0, dtype=np.int64)
-    for _ in range(LOOKS):
-        chosen = np.union1d(chosen, np.argsort(normals @ toward)[:200])
-        rows = np.column_stack([-normals[chosen], np.ones(len(chosen))])
-        best = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=np.zeros(len(rows)), bounds=[(-1.0, 1.0)] * 3 + [(0, 1)])
-        if best.x is None or best.x[3] < FLATTEST:
-            return None
-        toward = best.x[:3]
-        if (normals @ toward).min() > 0.5 * best.x[3]:
-            return np.asarray(toward / np.linalg.norm(toward))
-    return None
-
-
-def _overlap(places: Floats, loops: tuple[Ints, ...]) -> float:
-    """Area that closed rows of places cover not once, as a share of what the first covers; they may touch."""
-    rows = [places[loop] for loop in loops]
-    covered = [0.5 * abs(float(_cross(row, np.roll(row, -1, axis=0)).sum())) for row in rows]
-    off = sum(abs(make_valid(Polygon(row)).area - area) for row, area in zip(rows, covered))
-    return off / max(covered[0], 1e-300)
+        return sheet.kind is not ScanKind.DISC or overlap(places, sheet.rims) < OVERLAP
+    return sheet.kind is ScanKind.DISC and overlap(places, (*sheet.rims, *sheet.holes)) < OVERLAP
 
 
 def _finished(sheet: SheetScan, places: Floats, sides: Floats, jumps: Ints, stretch: float) -> Unrolled:
@@ -311,21 +241,15 @@ def _speeds(mesh: TriangleMesh, corners: Floats) -> Floats:
 def _held(sheet: SheetScan, jumps: Ints) -> tuple[Ints, Floats]:
     """Vertices that are held, and their places."""
     if sheet.kind is ScanKind.DISC:
-        return sheet.rims[0], _rim_places(sheet.mesh.vertices[sheet.rims[0]])
+        return sheet.rims[0], rim_places(sheet.mesh.vertices[sheet.rims[0]])
     if sheet.kind is ScanKind.TORUS:
         return np.zeros(1, dtype=np.int64), np.zeros((1, 2))
     rows = [_from_seam(sheet.mesh, jumps[..., 0], rim) for rim in sheet.rims]
-    share = [_shares(sheet.mesh.vertices[row]) for row in rows]
+    share = [shares(sheet.mesh.vertices[row]) for row in rows]
     first = np.stack([share[0], np.zeros(len(share[0]))], axis=1)
     # the surface lies to the left of both rims, so the second one runs back
     second = np.stack([1.0 - share[1], np.ones(len(share[1]))], axis=1)
     return np.concatenate(rows), np.concatenate([first, second])
-
-
-def _shares(row: Floats) -> Floats:
-    """(n,) share of its length around a closed row before each of its points."""
-    steps = np.linalg.norm(np.roll(row, -1, axis=0) - row, axis=1)
-    return (np.cumsum(steps) - steps) / steps.sum()
 
 
 def _from_seam(mesh: TriangleMesh, jumps: Ints, rim: Ints) -> Ints:
@@ -336,62 +260,6 @@ def _from_seam(mesh: TriangleMesh, jumps: Ints, rim: Ints) -> Ints:
         if after.get(start) == end:
             return np.roll(rim, -int(np.flatnonzero(rim == end)[0]))
     return rim
-
-
-def _rim_places(row: Floats) -> Floats:
-    """(n, 2) places of the rim of a disc on a superellipse as long and wide as the rim seems from its best side."""
-    middle = row - row.mean(axis=0)
-    axes = np.linalg.svd(middle, full_matrices=False)[2]
-    flat = middle @ axes[:2].T
-    if 0.5 * _cross(flat, np.roll(flat, -1, axis=0)).sum() < 0.0:
-        flat = flat * [1.0, -1.0]
-    box, turn = _least_box(flat)
-    flat = flat @ turn
-    centre = 0.5 * (flat.max(axis=0) + flat.min(axis=0))
-    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * 0.5 * box
-    at = _corner_numbers(flat - centre, corners)
-    share = _shares(row)
-    number = np.argsort(at)
-    known = np.append(share[at[number]], share[at[number[0]]] + 1.0)
-    quarter = np.interp(share + (share < known[0]), known, np.arange(5)) + number[0]
-    return _superellipse(quarter) * 0.5 * box
-
-
-def _corner_numbers(flat: Floats, corners: Floats) -> Ints:
-    """(4,) points of the rim nearest to the corners of its box, in the order of the rim; else its quarters."""
-    at = np.array([int(np.argmax(flat @ corner)) for corner in corners])
-    turns = np.diff(np.append(at, at[0])) % len(flat)
-    if (turns > 0).all() and turns.sum() == len(flat):
-        return at
-    share = _shares(flat)
-    first = share[at[0]]
-    return np.array([int(np.argmin(np.abs((share - first - k / 4.0 + 0.5) % 1.0 - 0.5))) for k in range(4)])
-
-
-def _superellipse(quarter: Floats) -> Floats:
-    """(n, 2) points |x|^m + |y|^m = 1; quarter 0 at the corner (-, -), 1 at (+, -) and so on, even along the sides."""
-    along = 2.0 * (quarter % 1.0) - 1.0
-    side = np.stack([along, -np.ones(len(along))], axis=1)
-    turn = np.floor(quarter).astype(np.int64) % 4
-    cos, sin = np.array([1, 0, -1, 0])[turn], np.array([0, 1, 0, -1])[turn]
-    square = np.stack([cos * side[:, 0] - sin * side[:, 1], sin * side[:, 0] + cos * side[:, 1]], axis=1)
-    size = (np.abs(square) ** ROUNDNESS).sum(axis=1) ** (1.0 / ROUNDNESS)
-    return square / size[:, None]
-
-
-def _least_box(flat: Floats) -> tuple[Floats, Floats]:
-    """(2,) sides of the smallest rectangle around points (n, 2), and (2, 2) the turn that lays it along the axes."""
-    hull = flat[ConvexHull(flat).vertices]
-    edges = np.roll(hull, -1, axis=0) - hull
-    angles = np.arctan2(edges[:, 1], edges[:, 0])
-    turns = np.stack([np.cos(angles), -np.sin(angles), np.sin(angles), np.cos(angles)], axis=1).reshape(-1, 2, 2)
-    boxes = np.ptp(np.einsum("ni,kij->knj", hull, turns), axis=1)
-    least = int(np.argmin(boxes.prod(axis=1)))
-    return boxes[least], turns[least]
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _straightened(sheet: SheetScan, places: Floats, jumps: Ints) -> tuple[Floats, Ints]:
@@ -412,7 +280,7 @@ def _straightened(sheet: SheetScan, places: Floats, jumps: Ints) -> tuple[Floats
             break
         turn[longer] -= times * turn[other]
     places, jumps = places @ turn.T, jumps @ turn.T
-    if _cross(*_two_sides(_corners(places, sheet.mesh.face_vertices, jumps))).sum() < 0.0:
+    if cross(*_two_sides(_corners(places, sheet.mesh.face_vertices, jumps))).sum() < 0.0:
         places, jumps = places[:, ::-1], jumps[..., ::-1]
     return places, jumps
 
@@ -431,82 +299,3 @@ def _energies(mesh: TriangleMesh, corners: Floats) -> Floats:
     inverse = np.stack([bb, -ab, -ab, aa], axis=1).reshape(-1, 2, 2) / double[:, None, None]
     d = np.stack([d1, d2], axis=1)
     return 0.5 * np.einsum("fki,fkl,flj->ij", d, inverse, d)
-
-
-def _jumps_between(faces: Ints, across: Ints, rims: tuple[Ints, ...]) -> Ints:
-    """(F, 3) jumps over a seam: the sides crossed on the shortest way over faces from one rim to the other."""
-    side_of = {}
-    for face, side in np.argwhere(across < 0).tolist():
-        side_of[int(faces[face, side])] = (face, side)
-    first, last = ([side_of[int(v)] for v in rim if int(v) in side_of] for rim in rims)
-    graph = _face_graph(across)
-    starts = np.unique([face for face, _ in first])
-    _, before, _ = csgraph.dijkstra(graph, unweighted=True, indices=starts, min_only=True, return_predecessors=True)
-    distance = csgraph.dijkstra(graph, unweighted=True, indices=starts, min_only=True)
-    end, end_side = min(last, key=lambda pair: distance[pair[0]])
-    row = [end]
-    while before[row[-1]] >= 0:
-        row.append(int(before[row[-1]]))
-    row.reverse()
-    jumps = np.zeros(faces.shape, dtype=np.int64)
-    _cross_row(jumps, across, row)
-    jumps[row[0], next(side for face, side in first if face == row[0])] += 1
-    jumps[end, end_side] -= 1
-    return jumps
-
-
-def _cross_row(jumps: Ints, across: Ints, row: list[int]) -> None:
-    """Mark the sides between faces that follow each other: to their right the far side is a period back."""
-    for one, two in pairwise(row):
-        side = next(s for s in range(3) if across[one, s] // 3 == two and across[one, s] >= 0)
-        jumps[one, side] -= 1
-        jumps.reshape(-1)[across[one, side]] += 1
-
-
-def _face_graph(across: Ints) -> sparse.csr_array:
-    face, side = np.nonzero(across >= 0)
-    other = across[face, side] // 3
-    return sparse.coo_array((np.ones(len(face)), (face, other)), shape=(len(across), len(across))).tocsr()
-
-
-def _jumps_around(faces: Ints, across: Ints, n_vertices: int) -> Ints:
-    """(F, 3, 2) jumps over two seams that cut a torus open.
-
-    A tree of edges through all vertices, a tree of faces over other edges: two edges are in neither [eppstein2003].
-    """
-    table = edge_table(faces)
-    a, b = table.edges.T
-    graph = sparse.coo_array((np.ones(len(a)), (a, b)), shape=(n_vertices, n_vertices)).tocsr()
-    tree = csgraph.breadth_first_tree(graph, 0, directed=False).tocoo()
-    in_tree = np.isin(a * n_vertices + b, np.minimum(tree.row, tree.col) * n_vertices + np.maximum(tree.row, tree.col))
-    face, side = np.nonzero(across >= 0)
-    open_sides = ~in_tree[table.face_edges[face, side]]
-    face, side = face[open_sides], side[open_sides]
-    shape = (len(faces), len(faces))
-    dual = sparse.coo_array((np.ones(len(face)), (face, across[face, side] // 3)), shape=shape).tocsr()
-    before = csgraph.breadth_first_order(dual, 0, directed=False)[1]
-    joined = before[face] == across[face, side] // 3
-    joined |= before[across[face, side] // 3] == face
-    left = np.flatnonzero(~joined)
-    jumps = np.zeros((*faces.shape, 2), dtype=np.int64)
-    edges = table.face_edges[face[left], side[left]]
-    for k, edge in enumerate(np.unique(edges).tolist()):
-        i = left[int(np.flatnonzero(edges == edge)[0])]
-        start, end = int(face[i]), int(across[face[i], side[i]] // 3)
-        to_start, to_end = _way_up(before, start), _way_up(before, end)
-        shared = set(to_start)
-        meet = next(f for f in to_end if f in shared)
-        row = to_end[: to_end.index(meet)] + to_start[: to_start.index(meet) + 1][::-1]
-        layer = np.zeros(faces.shape, dtype=np.int64)
-        _cross_row(layer, across, row)
-        layer[start, side[i]] -= 1
-        layer.reshape(-1)[across[start, side[i]]] += 1
-        jumps[..., k] = layer
-    return jumps
-
-
-def _way_up(before: Ints, face: int) -> list[int]:
-    row = [face]
-    while before[row[-1]] >= 0:
-        row.append(int(before[row[-1]]))
-    return row
