@@ -14,6 +14,7 @@ from brep_export.app.deliver import Parcel, gate, print_formats, write_parcels
 from brep_export.app.hole_list import hole_figures, hole_list
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result, statistics
+from brep_export.app.scene import Measured, mesh_part
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import trimmed_face
@@ -131,7 +132,9 @@ class _Proved:
         triangles = self.report.triangulation
         expected = None if triangles is None else self.trust.at(triangles.vertices)
         paint = partial(_paint, self.piece.sherds, self.report, expected)
-        return Parcel(self.shape, self.report, outputs, picture, paint, colours=_colours(expected, outputs))
+        title = f"the piece of {self.name[:-2]}" if self.name else "the piece"
+        measured, colours = partial(_measured, self.piece.sherds, self.trust), _colours(expected, outputs)
+        return Parcel(self.shape, self.report, outputs, picture, paint, colours=colours, measured=measured, title=title)
 
     def figures(self, bench: Bench) -> dict[str, Any]:
         return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self, bench)
@@ -366,6 +369,13 @@ def _colours(expected: NDArray[np.float64] | None, outputs: Sequence[str]) -> ND
     from brep_export.app.pictures import colours_of
 
     return colours_of(expected)
+
+
+def _measured(sherds: Sequence[TriangleMesh], trust: Confidence) -> Measured:
+    from brep_export.app.pictures import CLAY
+
+    parts = [mesh_part(f"sherd {i}", mesh, CLAY[i % len(CLAY)]) for i, mesh in enumerate(sherds, 1)]
+    return Measured(parts, trust.at, "expected error, mm")
 
 
 def _paint(

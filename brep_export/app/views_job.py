@@ -2,16 +2,18 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from brep_export.app.deliver import gate, write_files
+from brep_export.app.deliver import exhibit, gate, write_files
+from brep_export.app.exhibits import GALLERY
 from brep_export.app.polyhedron_files import POLYHEDRON_ENDINGS, polyhedron_writer
 from brep_export.app.result import result
 from brep_export.app.views_picture import draw_solids
-from brep_export.app.views_report import write_report
+from brep_export.app.views_report import SHOWN, gallery, scene_parts
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.solids import polyhedron_solid
@@ -55,7 +57,9 @@ def views(request: Mapping[str, Any], bench: Bench) -> Answer:
     _tell_count(found, request, bench)
     proved = [_proved(sheet, found, number, outputs, bench) for number, outputs in _wanted(request, found)]
     reasons = tuple(dict.fromkeys(str(defect) for one in proved for defect in one.report.defects))
-    written = [] if reasons and not request["force"] else _write(proved, (sheet, found), request, bench)
+    written = [] if reasons and not request["force"] else _write(proved, found, request, bench)
+    if request.get("page") is not None:
+        _exhibit(proved, (sheet, found), request, bench)
     answer = result(
         "views",
         inputs=request["inputs"],
@@ -131,24 +135,34 @@ def _as_meant(sheet: ViewSheet, solid: Polyhedron) -> Polyhedron:
     return solid.mirrored(0, sheet.drawing.front.segments[:, :, 0].max() / 2) if sheet.mirrored else solid
 
 
-def _write(
-    proved: list[Proved], read: tuple[ViewSheet, Interpretation], request: Mapping[str, Any], bench: Bench
-) -> list[str]:
-    """Every file of every solid, picture and page: first under hidden names, put in place when all of them are good."""
-    sheet, found = read
+def _write(proved: list[Proved], found: Interpretation, request: Mapping[str, Any], bench: Bench) -> list[str]:
+    """Every file of every solid, and the picture: first under hidden names, put in place when all of them are good."""
     paths = [path for one in proved for path in one.outputs]
-    extra = [path for path in (request["picture"], request["report"]) if path is not None]
+    extra = [path for path in (request["picture"],) if path is not None]
     with staged(*paths, *extra, announce=bench.staged) as hidden:
         places = dict(zip((*paths, *extra), map(str, hidden)))
         proved[:] = [_written(one, places, request, bench) for one in proved]
         with bench.phase("write", "drawing the solids"):
             if request["picture"] is not None:
-                shown = [(one.solid, one.report.triangles()) for one in proved]
-                draw_solids(Path(places[request["picture"]]), found.drawing, shown)
-            if request["report"] is not None:
-                solids = (_as_meant(sheet, solid) for solid in found.polyhedra())
-                write_report(Path(places[request["report"]]), found, solids, name=Path(request["inputs"][0]).name)
+                _paint(proved, found, Path(places[request["picture"]]))
     return [*paths, *extra]
+
+
+def _paint(proved: Sequence[Proved], found: Interpretation, path: Path) -> None:
+    draw_solids(path, found.drawing, [(one.solid, one.report.triangles()) for one in proved])
+
+
+def _exhibit(
+    proved: Sequence[Proved], read: tuple[ViewSheet, Interpretation], request: Mapping[str, Any], bench: Bench
+) -> None:
+    """The gallery of the page, and the solids in its view, of which the chosen one is seen first."""
+    sheet, found = read
+    chosen = request["solution"] - 1
+    numbers = sorted({*range(min(SHOWN, found.labelings.listed)), chosen})
+    solids = {number: _as_meant(sheet, found.polyhedron(number)) for number in numbers}
+    (Path(request["page"]) / GALLERY).write_text(gallery(found, solids), encoding="utf-8")
+    parts = partial(scene_parts, found.drawing, solids, chosen, mirrored=sheet.mirrored)
+    exhibit(request, bench, parts, [partial(_paint, proved, found)])
 
 
 def _written(one: Proved, places: Mapping[str, str], request: Mapping[str, Any], bench: Bench) -> Proved:

@@ -25,7 +25,7 @@ from recon.voxel_mesh.pipeline import VoxelOptions, voxel_boundary
 from recon.voxel_mesh.revoxelise import WrongSide, wrong_side
 from recon.voxel_mesh.topology import grid_topology
 
-__all__ = ["FIT", "FLAT", "VoxelBody", "analytic_body", "faceted_body"]
+__all__ = ["DEFLECTION", "FIT", "FLAT", "VoxelBody", "analytic_body", "faceted_body"]
 
 Floats = NDArray[np.float64]
 

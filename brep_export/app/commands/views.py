@@ -55,4 +55,4 @@ def views(
     debug: Debug = False,
 ) -> None:
     """Every solid with planar faces that a three-view drawing can mean."""
-    answer("views", JOB, locals(), more_endings=(".obj", ".json"), own_page=True)
+    answer("views", JOB, locals(), more_endings=(".obj", ".json"))
