@@ -27,7 +27,7 @@ from recon.numerics.distance import closest_points
 from recon.readers.meshes import read_mesh
 from recon.subdivision.limit_surface import Scheme, tessellate
 
-__all__ = ["fit"]
+__all__ = ["fit", "fitted_quads"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
@@ -57,7 +57,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
         robust=request["robust"],
     )
     with bench.phase("reconstruct", "fitting the surface"):
-        fit = _fitted_quads if remeshed else fit_surface
+        fit = fitted_quads if remeshed else fit_surface
         fitted = fit(file.mesh, options, doing=bench.doing)
     if fitted.n_closed:
         bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.")
@@ -83,7 +83,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
 
 
-def _fitted_quads(scan: TriangleMesh, options: FitOptions, *, doing: Callable[[str], None]) -> FittedSurface:
+def fitted_quads(scan: TriangleMesh, options: FitOptions, *, doing: Callable[[str], None]) -> FittedSurface:
     """The fit that makes the best solid: quadrilaterals in rows, moved to the scan, none added where they stand.
 
     Twice as many are taken, a few times at most, where the tolerance asks for more.

@@ -31,7 +31,7 @@ from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
 from recon.terrain.sections import contours_at, islands_above
 from recon.tolerance import Tolerance
 
-__all__ = ["terrain"]
+__all__ = ["lowest_place", "terrain"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
@@ -146,7 +146,7 @@ def _new_contours(ground: Terrain, interval: float | None) -> ContourMap | None:
 
 def _to_be_cut(contours: ContourMap, ground: Terrain, level: float | None, bench: Bench) -> Terrain:
     """The ground, made again with a contour at the base where that cuts it."""
-    if level is None or level < _lowest(terrain_network(ground)):
+    if level is None or level < lowest_place(terrain_network(ground)):
         return ground
     if level >= ground.jets.height.max():
         raise BadOption("--base-level", f"must lie below the highest ground, {ground.jets.height.max():.2f} m")
@@ -163,7 +163,7 @@ def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, S
     depth, level = request["base_depth"], request["base_level"]
     scale, stretch = _scale(request["scale"]), _stretch(request)
     network = terrain_network(ground)
-    lowest = _lowest(network)
+    lowest = lowest_place(network)
     if depth is None and level is None:
         return network_shell(stretched(network, stretch), TOLERANCE), ShapeKind.SHELL, scale
     base = lowest - depth if level is None else level
@@ -192,7 +192,7 @@ def _scale(text: str | None) -> float:
     return over / under
 
 
-def _lowest(network: PatchNetwork) -> float:
+def lowest_place(network: PatchNetwork) -> float:
     """Height of the lowest place, on a grid of samples of every patch and at every vertex."""
     from recon.numerics.bernstein import bernstein
 

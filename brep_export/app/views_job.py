@@ -27,7 +27,7 @@ from recon.three_view.pipeline import Interpretation, ViewsOptions, diagnose, in
 from recon.three_view.repairs import repaired
 from recon.tolerance import Tolerance
 
-__all__ = ["views"]
+__all__ = ["SLACK", "as_meant", "views"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 LISTED = 1000  # options of a choice that are compared to tell which is the most plausible
@@ -123,14 +123,14 @@ def _proved(sheet: ViewSheet, found: Interpretation, number: int, outputs: Seque
         differences = found.differences(polyhedron)
     if differences:
         raise NoSolid(f"solid {number + 1} does not draw as given; {differences[0]}", differences)
-    solid = _as_meant(sheet, polyhedron)
+    solid = as_meant(sheet, polyhedron)
     with bench.phase("brep", "building the solid"):
         shape = polyhedron_solid(solid)
     tolerance = Tolerance(merge=found.snap, fit=SLACK * found.snap)
     return Proved(solid, shape, gate(shape, tolerance, ShapeKind.SOLID, bench), tuple(outputs))
 
 
-def _as_meant(sheet: ViewSheet, solid: Polyhedron) -> Polyhedron:
+def as_meant(sheet: ViewSheet, solid: Polyhedron) -> Polyhedron:
     """The part itself, where the sheet was read as that of its mirror image."""
     return solid.mirrored(0, sheet.drawing.front.segments[:, :, 0].max() / 2) if sheet.mirrored else solid
 
@@ -159,7 +159,7 @@ def _exhibit(
     sheet, found = read
     chosen = request["solution"] - 1
     numbers = sorted({*range(min(SHOWN, found.labelings.listed)), chosen})
-    solids = {number: _as_meant(sheet, found.polyhedron(number)) for number in numbers}
+    solids = {number: as_meant(sheet, found.polyhedron(number)) for number in numbers}
     (Path(request["page"]) / GALLERY).write_text(gallery(found, solids), encoding="utf-8")
     parts = partial(scene_parts, found.drawing, solids, chosen, mirrored=sheet.mirrored)
     exhibit(request, bench, parts, [partial(_paint, proved, found)])
