@@ -42,7 +42,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("read", "reading the scan"):
         file = read_mesh(request["inputs"][0], unit=request["unit"])
     for note in file.notes:
-        bench.note(f"{request['inputs'][0]}: {note}")
+        bench.note(f"{request['inputs'][0]}: {note}", name="reading")
     remeshed = request["surface"] is None and bool(others)
     request = {**request, "surface": request["surface"] or ("catmull-clark" if remeshed else "loop")}
     options = FitOptions(
@@ -60,9 +60,10 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
         fit = fitted_quads if remeshed else fit_surface
         fitted = fit(file.mesh, options, doing=bench.doing)
     if fitted.n_closed:
-        bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.")
+        bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.", name="closed-holes")
     if fitted.folds:
-        bench.note(f"the surface folds at {fitted.folds} control points; more of them would keep it smooth.")
+        folded = f"the surface folds at {fitted.folds} control points; more of them would keep it smooth."
+        bench.note(folded, name="folds")
     kernel, reasons, written = _shape_written(file.mesh, fitted, {**request, "outputs": others}, bench)
     if nets and (not reasons or request["force"]):
         with bench.phase("write", "writing the control mesh"), staged(*nets, announce=bench.staged) as temporary:

@@ -13,7 +13,10 @@ from typing import Any
 import typer
 
 from brep_export.app.exhibits import gathered, length_unit
+from brep_export.app.note_names import require_names
 from brep_export.app.outputs import check_destinations
+from brep_export.app.plan import plan, plan_summary
+from brep_export.app.progress import shown_progress
 from brep_export.app.report import write_report
 from brep_export.app.result import refusal, summary
 from brep_export.app.workshop import Exit, Outcome, run
@@ -27,13 +30,20 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
 
     command  as the user typed it
     job      `module:function`, see workshop.run
-    options  the command's parameters by name; as_json, quiet and timeout are for the front desk, the rest for the job
+    options  the command's parameters by name; as_json, quiet, timeout and dry_run are for the front desk, the rest for
+             the job
     fixed    what the command itself adds for its job
     """
     request = {key: _plain(value) for key, value in {**options, **fixed}.items()}
     request["inputs"], request["outputs"] = _listed(request["inputs"]), _listed(request["outputs"])
     as_json, quiet, timeout = request.pop("as_json"), request.pop("quiet"), request.pop("timeout")
+    dry_run = request.pop("dry_run")
     try:
+        require_names(request["silence"] or ())
+        if dry_run:
+            check_destinations(request, make=False)
+            _tell_plan(plan(command, request), as_json=as_json)
+            raise typer.Exit
         check_destinations(request)
         work = partial(_watched, job, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)
         outcome = work(request) if request.get("report") is None else _with_report(work, request)
@@ -90,14 +100,9 @@ def _complain(command: str, outcome: Outcome, debug: bool) -> None:
 def _watched(job: str, request: dict[str, Any], *, quiet: bool, timeout: float | None) -> Outcome:
     if quiet:
         return run(job, request, timeout=timeout)
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    with console.status("starting") as status:
-        return run(job, request, timeout=timeout, doing=_shown(status.update), note=_shown(console.print))
+    with shown_progress() as (doing, note):
+        return run(job, request, timeout=timeout, doing=doing, note=note)
 
 
-def _shown(show: Callable[[str], object]) -> Callable[[str], None]:
-    from rich.markup import escape
-
-    return lambda text: (show(escape(text)), None)[1]
+def _tell_plan(planned: Mapping[str, Any], *, as_json: bool) -> None:
+    typer.echo(json.dumps(planned) if as_json else plan_summary(planned))

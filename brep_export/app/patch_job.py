@@ -75,7 +75,7 @@ def patch(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("reconstruct", "finding the hole"):
         piece = patch_hole(sherds, options, doing=bench.doing)
     for note in piece.notes:
-        bench.note(note)
+        bench.note(note, name="piece")
     return patch_answer("patch", piece, request, bench)
 
 
@@ -102,7 +102,7 @@ def _read(request: Mapping[str, Any], bench: Bench) -> list[TriangleMesh]:
     files = [read_mesh(path, unit=request["unit"]) for path in request["inputs"]]
     for path, file in zip(request["inputs"], files):
         for note in file.notes:
-            bench.note(f"{path}: {note}")
+            bench.note(f"{path}: {note}", name="reading")
     return [file.mesh for file in files]
 
 
@@ -177,7 +177,7 @@ def _patch_all(
     if not made:
         raise NoHole("no hole can be patched: " + " ".join(f"hole {a.number}: {a.reason}" for a in refused))
     for attempt in refused:
-        bench.note(f"hole {attempt.number} gets no piece: {attempt.reason}")
+        bench.note(f"hole {attempt.number} gets no piece: {attempt.reason}", name="hole-left-out")
     proved = {number: _proved(piece, request, bench, name=f"hole {number}: ") for number, piece in made}
     parcels = [p.parcel(*_numbered(number, request)) for number, p in proved.items()]
     delivered = dict(zip(proved, write_parcels(parcels, request, bench)))
@@ -263,7 +263,8 @@ def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench, name:
     if share > 0.0:
         bench.note(
             f"{name}the wall is thinner than {limit:g} mm over {100.0 * share:.0f} % of the piece; it is thinnest, "
-            f"{thickness.least:.2f} mm, near ({x:.1f}, {y:.1f}, {z:.1f})."
+            f"{thickness.least:.2f} mm, near ({x:.1f}, {y:.1f}, {z:.1f}).",
+            name="thin-wall",
         )
 
 
@@ -328,7 +329,7 @@ def _fit(proved: _Proved, bench: Bench) -> dict[str, Any]:
     with bench.phase("check", f"{proved.name}setting the piece in"):
         placing = place(report.triangles(), piece.sherds, tolerance=scans_tolerance(piece.settling))
     for note in placing.notes:
-        bench.note(f"{proved.name}{note}")
+        bench.note(f"{proved.name}{note}", name="placing")
     return _placing_figures(placing)
 
 

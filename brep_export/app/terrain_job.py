@@ -55,7 +55,7 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         lines = _new_contours(ground, request["contours"])
         whole = _to_be_cut(contours, ground, request["base_level"], bench)
     for note in ground.notes:
-        bench.note(note)
+        bench.note(note, name="ground")
     with bench.phase("brep", "building the shape"):
         shape, kind, scale = _shape(whole, request)
     report = gate(shape, TOLERANCE, kind, bench)

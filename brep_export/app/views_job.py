@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from brep_export.app.deliver import exhibit, gate, write_files
+from brep_export.app.deliver import exhibit, write_files
 from brep_export.app.exhibits import GALLERY
 from brep_export.app.polyhedron_files import POLYHEDRON_ENDINGS, polyhedron_writer
 from brep_export.app.result import result
 from brep_export.app.views_picture import draw_solids
 from brep_export.app.views_report import SHOWN, gallery, scene_parts
 from brep_export.app.workshop import Bench, Exit
-from brep_export.check import CheckReport, ShapeKind
+from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.solids import polyhedron_solid
 from brep_export.staging import staged
 from recon.errors import NoSolid, NotWritten
@@ -51,11 +51,12 @@ def views(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("read", "reading the drawing"):
         sheet = read_views(request["inputs"][0])
     for note in sheet.notes:
-        bench.note(note)
+        bench.note(note, name="reading")
     with bench.phase("reconstruct", "finding the solids"):
         sheet, found = _interpreted(sheet, options, request, bench)
     _tell_count(found, request, bench)
-    proved = [_proved(sheet, found, number, outputs, bench) for number, outputs in _wanted(request, found)]
+    wanted = list(_wanted(request, found))
+    proved = [_proved(sheet, found, k, wanted, bench) for k in range(len(wanted))]
     reasons = tuple(dict.fromkeys(str(defect) for one in proved for defect in one.report.defects))
     written = [] if reasons and not request["force"] else _write(proved, found, request, bench)
     if request.get("page") is not None:
@@ -78,9 +79,9 @@ def _tell_count(found: Interpretation, request: Mapping[str, Any], bench: Bench)
         more = "" if found.exact else "at least "
         which = "each has a number" if found.complete else f"{found.labelings.listed} of them are numbered"
         shown = "" if request["all_solutions"] else f"; this is number {request['solution']}"
-        bench.note(f"the drawing can mean {more}{found.count} solids, {which}{shown}")
+        bench.note(f"the drawing can mean {more}{found.count} solids, {which}{shown}", name="several-solids")
     if request["all_solutions"] and found.count > request["limit"]:
-        bench.note(f"the first {request['limit']} are written; --limit allows more")
+        bench.note(f"the first {request['limit']} are written; --limit allows more", name="limit")
 
 
 def _interpreted(
@@ -101,7 +102,7 @@ def _interpreted(
             conflict = "; these contradict each other: " + "; ".join(lines) if lines else ""
             advice = "; it would have a solid if " + "; or if ".join(mends) if mends else ""
             raise NoSolid(f"no solid is drawn like this{conflict}{advice}", lines) from refusal
-        bench.note(f"repaired: {mends[0]}")
+        bench.note(f"repaired: {mends[0]}", name="repaired")
         mended = replace(sheet, drawing=repaired(sheet.drawing, diagnosis.repairs[0]))
         return mended, interpret(mended.drawing, options, doing=bench.doing)
 
@@ -116,18 +117,23 @@ def _wanted(request: Mapping[str, Any], found: Interpretation) -> Iterator[tuple
         yield number, [str(path.with_name(f"{path.stem}_{number + 1}{path.suffix}")) for path in paths]
 
 
-def _proved(sheet: ViewSheet, found: Interpretation, number: int, outputs: Sequence[str], bench: Bench) -> Proved:
+def _proved(
+    sheet: ViewSheet, found: Interpretation, turn: int, wanted: Sequence[tuple[int, list[str]]], bench: Bench
+) -> Proved:
     """One solid drawn again, built and judged."""
-    with bench.phase("reconstruct", "drawing the solid again"):
+    number, outputs = wanted[turn]
+    with bench.phase("reconstruct", f"proving solids ({turn + 1} of {len(wanted)})"):
         polyhedron = found.polyhedron(number)
         differences = found.differences(polyhedron)
     if differences:
         raise NoSolid(f"solid {number + 1} does not draw as given; {differences[0]}", differences)
     solid = as_meant(sheet, polyhedron)
-    with bench.phase("brep", "building the solid"):
+    with bench.phase("brep", f"proving solids ({turn + 1} of {len(wanted)})"):
         shape = polyhedron_solid(solid)
     tolerance = Tolerance(merge=found.snap, fit=SLACK * found.snap)
-    return Proved(solid, shape, gate(shape, tolerance, ShapeKind.SOLID, bench), tuple(outputs))
+    with bench.phase("check", f"proving solids ({turn + 1} of {len(wanted)})"):
+        report = check(shape, tolerance, expect=ShapeKind.SOLID)
+    return Proved(solid, shape, report, tuple(outputs))
 
 
 def as_meant(sheet: ViewSheet, solid: Polyhedron) -> Polyhedron:

@@ -133,7 +133,8 @@ def _cleaned(grid: VoxelGrid, request: Mapping[str, Any], bench: Bench) -> Voxel
     if len(dropped):
         bench.note(
             f"dropped {len(dropped)} bodies of {grid.name}, {int(dropped.sum())} voxels in all, the largest of"
-            f" {int(dropped[0])}; kept {int(solid.sum())} voxels"
+            f" {int(dropped[0])}; kept {int(solid.sum())} voxels",
+            name="dropped",
         )
     return grid.with_solid(solid)
 
@@ -158,7 +159,7 @@ def _written_straight(
     paths = [path for path in request["outputs"] if Path(path).suffix.lower() in STEP_ENDINGS]
     if paths:
         size = faceted_step_size(polyhedron) / 2**20
-        bench.note(f"a STEP file of {len(polyhedron.faces)} planar faces: about {size:.0f} MB")
+        bench.note(f"a STEP file of {len(polyhedron.faces)} planar faces: about {size:.0f} MB", name="large-file")
     measures = measure(solids[0].shape)
 
     def write(path: Path) -> None:

@@ -8,12 +8,14 @@ import typer
 from brep_export.app.commands.options import (
     AsJson,
     Debug,
+    DryRun,
     Force,
     Name,
     Picture,
     ProtocolSchema,
     Quiet,
     Schema,
+    Silence,
     Timeout,
 )
 from brep_export.app.front_desk import answer
@@ -52,6 +54,8 @@ def views(
     quiet: Quiet = False,
     timeout: Timeout = None,
     force: Force = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """Every solid with planar faces that a three-view drawing can mean."""
