@@ -39,10 +39,14 @@ class ShownFaces:
 
 @dataclass(frozen=True, eq=False)
 class ShownEdges:
-    """Straight legs (L, 2, 3) of all edges, and (L,) the largest angle in degrees along the edge of each, or FREE."""
+    """Straight legs (L, 2, 3) of edges, and (L,) the largest angle in degrees along the edge of each, or FREE.
+
+    left_out  number of smooth legs that are not here, where there are too many
+    """
 
     legs: Floats
     angles: Floats
+    left_out: int = 0
 
 
 def shown_faces(shape: TopoDS_Shape, deflection: float, *, angle: float = 0.35) -> ShownFaces:
@@ -105,4 +109,6 @@ def _angles(uses: EdgeUses) -> Floats:
 def _legs(rows: list[Floats], angles: Floats) -> ShownEdges:
     legs = [np.stack([row[:-1], row[1:]], axis=1) for row in rows]
     counts = [len(leg) for leg in legs]
-    return ShownEdges(np.concatenate([np.empty((0, 2, 3)), *legs]), np.repeat(angles, counts))
+    every, of_legs = np.concatenate([np.empty((0, 2, 3)), *legs]), np.repeat(angles, counts)
+    sharpest = np.argsort(np.where(of_legs == FREE, -np.inf, -of_legs), kind="stable")[:MOST_LEGS]
+    return ShownEdges(every[sharpest], of_legs[sharpest], len(every) - len(sharpest))

@@ -38,9 +38,10 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOST_TRIANGLES = 240_000  # of a scene; above it parts are thinned out, those of the result last
+MOST_TRIANGLES = 200_000  # of a scene; above it parts are thinned out, those of the result last
 RESULT_SHARE = 0.6
 FINENESS = 5e-4  # of the diagonal: how far the shown triangles of a shape may stay from its faces
+MANY_LEGS = 20_000  # of edges, which would cover the faces and are hidden at first
 SHADES = 33  # colours of the scale
 EDGE = "#30343c"
 
@@ -57,7 +58,8 @@ class Kind(StrEnum):
 class ScenePart:
     """One thing that can be shown or hidden.
 
-    cells    (T, 3) triangles or (L, 2) legs of lines, as numbers of points (V, 3); None for points alone
+    cells    (T, 3) triangles or (L, 2) legs of lines, as numbers of points (V, 3); None for points alone, and for legs
+             whose ends follow each other
     normals  (V, 3) unit, or None: then they are averaged from the triangles
     values   (V,) numbers that colour the part, or None; scale says what they are, with their unit
     angles   (L,) degrees between the faces along legs that are edges of a shape, or None
@@ -141,7 +143,8 @@ def shape_parts(
     if triangles is not None and not 0 < shown <= RESULT_SHARE * MOST_TRIANGLES:
         edges = [part for part in parts if part.kind is Kind.LINES]
         parts = [mesh_part(name, triangles, colour, result=True), *edges]
-    return [_deviating(part, measured) for part in parts]
+    many = sum(len(part.angles) for part in parts if part.angles is not None) > MANY_LEGS
+    return [replace(_deviating(part, measured), shown=not (many and part.angles is not None)) for part in parts]
 
 
 def kernel_parts(name: str, shape: TopoDS_Shape, deflection: float, *, colour: str) -> list[ScenePart]:
@@ -158,11 +161,11 @@ def kernel_parts(name: str, shape: TopoDS_Shape, deflection: float, *, colour: s
 
 def _edges(name: str, edges: ShownEdges, colour: str, *, bare: bool) -> ScenePart:
     """The edges of a shape; bare ones, which bound no face, are the shape itself."""
-    legs = np.arange(2 * len(edges.legs), dtype=np.int64).reshape(-1, 2)
     points = edges.legs.reshape(-1, 3)
     if bare:
-        return ScenePart(name, Kind.LINES, colour, points, legs, result=True)
-    return ScenePart(f"edges of {name}", Kind.LINES, EDGE, points, legs, angles=edges.angles, result=True)
+        return ScenePart(name, Kind.LINES, colour, points, result=True)
+    told = f"without {edges.left_out} of the smoothest edges" if edges.left_out else ""
+    return ScenePart(f"edges of {name}", Kind.LINES, EDGE, points, scale=told, angles=edges.angles, result=True)
 
 
 def _deviating(part: ScenePart, measured: Measured) -> ScenePart:

@@ -8,6 +8,7 @@ from recon.version import __version__
 __all__ = ["kernel_version", "versions"]
 
 KERNEL = "cadquery-ocp"
+THREE_JS = "0.187.0"  # of the script that pages hold
 LIBRARIES = ("cadquery", "numpy", "scipy", "numba", "shapely", "trimesh", "manifold3d", "pyvista", "matplotlib")
 
 
@@ -23,6 +24,7 @@ def versions() -> dict[str, str]:
         "OpenCascade": kernel_version(),
         KERNEL: _installed(KERNEL),
         **{name: _installed(name) for name in LIBRARIES},
+        "three.js": THREE_JS,
         "Python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
     }

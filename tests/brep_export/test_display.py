@@ -41,3 +41,11 @@ def test_free_edges_are_marked_and_a_curve_is_all_its_own():
     assert (face.angles == FREE).all() and len(face.legs) == 4
     curve = shown_edges(cq.Edge.makeCircle(2).wrapped)
     assert np.linalg.norm(curve.legs[:, 1] - curve.legs[:, 0], axis=1).sum() == pytest.approx(4 * np.pi, rel=1e-4)
+
+
+def test_of_too_many_edges_the_sharpest_and_the_free_are_kept(monkeypatch):
+    monkeypatch.setattr("brep_export.display.MOST_LEGS", 28)
+    rounded = cq.Workplane().box(2, 2, 2).edges("|Z").fillet(0.5)
+    edges = shown_edges(rounded.val().wrapped)
+    assert (len(edges.legs), edges.left_out) == (28, 4)
+    assert (edges.angles > 1).sum() == 2 * (4 + 4 * 2)  # four sides and four arcs of two legs, above and below

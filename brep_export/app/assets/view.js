@@ -82,21 +82,26 @@
   }
 
   function linesOf(part) {
-    const ends = new Float32Array(3 * part.cells.length);
-    part.cells.forEach((vertex, i) => ends.set(part.points.subarray(3 * vertex, 3 * vertex + 3), 3 * i));
+    const order = part.cells || [];
+    const ends = part.cells ? new Float32Array(3 * order.length) : part.points;
+    order.forEach((vertex, i) => ends.set(part.points.subarray(3 * vertex, 3 * vertex + 3), 3 * i));
     part.ends = ends;
     const geometry = new THREE.LineSegmentsGeometry();
     geometry.setPositions(ends);
-    part.plain = lineMaterial(part.colour, part.angles ? 1 : 1.6);
+    part.free = part.angles !== null && part.angles.some((angle) => angle < 0);
+    part.plain = lineMaterial(part.free ? "#ffffff" : part.colour, part.angles ? (part.free ? 2 : 1) : 1.6);
     part.coloured = lineMaterial("#ffffff", 3);
     part.coloured.vertexColors = true;
-    if (part.angles) geometry.setColors(edgeColours(part));
+    part.plain.vertexColors = part.free;
+    geometry.setColors(new Float32Array(ends.length));
     return new THREE.LineSegments2(geometry, part.plain);
   }
 
-  function edgeColours(part) {
+  /** By angle; or, of edges in their own colour, the free ones in red all the same. */
+  function edgeColours(part, byAngle) {
     const colours = new Float32Array(part.ends.length);
-    const rgb = ANGLES.map((entry) => new THREE.Color(entry.colour).toArray());
+    const own = ANGLES.map((entry, i) => (byAngle || i === 0 ? entry.colour : part.colour));
+    const rgb = own.map((name) => new THREE.Color(name).toArray());
     part.angles.forEach((angle, leg) => {
       const c = rgb[classOf(angle)];
       colours.set(c, 6 * leg);
@@ -170,6 +175,9 @@
   function show() {
     parts.forEach((part) => {
       if (mode.scale !== undefined && part.values && part.scale === mode.scale) colour(part);
+      if (part.angles && (part.free || mode.key === "edges")) {
+        part.object.geometry.setColors(edgeColours(part, mode.key === "edges"));
+      }
       part.object.material = materialOf(part);
     });
     legend.replaceChildren(...legendOf());
@@ -193,8 +201,11 @@
     button.onchange = () => {
       mode = entry;
       const needed = parts.filter((part) => (entry.scale === undefined
-        ? part.result && entry.key !== "plain" && part.kind === "mesh" : part.values && part.scale === entry.scale));
-      if (needed.length && !needed.some((part) => part.object.visible)) only(needed);
+        ? part.result && (entry.key === "edges" ? part.angles : entry.key === "zebra" && part.kind === "mesh") : part.values && part.scale === entry.scale));
+      if (needed.length && !needed.some((part) => part.object.visible)) {
+        if (entry.key === "edges") needed.forEach((part) => { part.object.visible = part.box.checked = true; });
+        else only(needed);
+      }
       show();
     };
     return node("label", {}, button, entry.name);
@@ -230,7 +241,7 @@
       const swatch = node("i", { className: "swatch" });
       swatch.style.background = entry.colour;
       return node("p", {}, swatch, `${entry.name}: ${figure(lengths[i])} ${scene.unit}`);
-    });
+    }).concat(parts.filter((part) => part.angles && part.scale).map((part) => node("p", { textContent: part.scale })));
   }
 
   function scaleLegend(scale) {
