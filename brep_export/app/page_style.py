@@ -4,11 +4,12 @@ __all__ = ["STYLE"]
 
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 76rem; margin: 1rem auto; padding: 0 1rem; }
-header { display: flex; align-items: baseline; gap: 1rem; }
+header { display: flex; align-items: baseline; gap: 1rem; margin-bottom: .7rem; }
 h1 { font-size: 1.4rem; margin: 0; }
 h2 { font-size: 1.1rem; margin: 1.6rem 0 .4rem; border-bottom: 1px solid #ccd; }
 .verdict { font-weight: 600; padding: .15rem .8rem; margin: 0; border-radius: .3rem; color: #fff; }
 .verdict.pass { background: #2b7a3d; }
+.verdict.none { background: #5a6472; }
 .verdict.refused { background: #b3261e; }
 .answers { display: grid; grid-template-columns: repeat(3, 1fr); gap: .8rem; margin: .7rem 0; }
 .answers div { border: 1px solid #ccd; border-left: .35rem solid #8a93a0; border-radius: .3rem; padding: .4rem .8rem; }

@@ -64,14 +64,17 @@ def report_page(result: Mapping[str, Any], exhibits: Exhibits = Exhibits()) -> s
         _listed("Reasons", result["reasons"], kind="reasons"),
         "" if exhibits.scene is None else _view(exhibits.scene),
         exhibits.gallery,
-        '<div class="columns"><div>',
-        _gate(result["kernel"].get("gate", ())),
-        _table("Error", result["error"] or {}, str((result["error"] or {}).get("unit", unit))),
-        _table("The shape", {k: v for k, v in result["kernel"].items() if k != "gate"}, unit),
-        "</div><div>",
-        _table("Method", result["room"], unit),
-        _table("Time", {f"{phase}_s": seconds for phase, seconds in result["seconds"].items()}, unit),
-        "</div></div>",
+        '<div class="columns">',
+        _column(
+            _gate(result["kernel"].get("gate", ())),
+            _table("Error", result["error"] or {}, str((result["error"] or {}).get("unit", unit))),
+            _table("The shape", {k: v for k, v in result["kernel"].items() if k != "gate"}, unit),
+        ),
+        _column(
+            _table("Method", result["room"], unit),
+            _table("Time", {f"{phase}_s": seconds for phase, seconds in result["seconds"].items()}, unit),
+        ),
+        "</div>",
         _listed("Notes", result["notes"]),
         _listed("Read", result["inputs"]),
         _listed("Written", result["outputs"]),
@@ -87,8 +90,10 @@ def report_page(result: Mapping[str, Any], exhibits: Exhibits = Exhibits()) -> s
 
 
 def _head_line(result: Mapping[str, Any]) -> str:
-    passed = result["verdict"] == "pass"
-    verdict = f'<p class="verdict {"pass" if passed else "refused"}">{"passes the gate" if passed else "refused"}</p>'
+    kind, said = "refused", "refused"
+    if result["verdict"] == "pass":
+        kind, said = ("pass", "passes the gate") if result["kernel"] else ("none", "no shape was made")
+    verdict = f'<p class="verdict {kind}">{said}</p>'
     names = ", ".join(Path(name).name for name in result["inputs"][:3]) + ("" if len(result["inputs"]) < 4 else " ...")
     return f"<header><h1>recon {escape(result['command'])} {escape(names)}</h1>{verdict}</header>"
 
@@ -113,6 +118,10 @@ def _view(scene: str) -> str:
 def _scripts() -> str:
     files = (ASSETS / "three" / "three.min.js", ASSETS / "view.js")
     return "".join(f"<script>{path.read_text(encoding='utf-8')}</script>" for path in files)
+
+
+def _column(*tables: str) -> str:
+    return f"<div>{''.join(tables)}</div>" if any(tables) else ""
 
 
 def _gate(lines: Any) -> str:

@@ -78,3 +78,9 @@ def test_figures_have_units():
 def test_an_open_shape_says_what_is_missing():
     page = report_page(answer(box.Shells()[0].Faces()[0]))
     assert "Is it closed?</dt><dd>no: 4 free edges" in page and "Can I print it?</dt><dd>no" in page
+
+
+def test_where_no_shape_was_made_no_gate_is_said_to_be_passed():
+    listed = result("patch", inputs=[], outputs=[], reasons=[], kernel={}, seconds={}, room={"holes": 2})
+    page = report_page(listed)
+    assert "passes the gate" not in page and "no shape was made" in page

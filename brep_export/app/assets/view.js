@@ -222,7 +222,7 @@
     return button;
   }
   const choosers = node("div", { className: "choosers" }, chooser("all", () => true));
-  if (parts.some((part) => !part.result)) {
+  if (parts.some((part) => part.result) && parts.some((part) => !part.result)) {
     choosers.append(chooser("made", (part) => part.result), chooser("measured", (part) => !part.result));
   }
 
