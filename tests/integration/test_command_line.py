@@ -114,8 +114,11 @@ def test_no_color_is_kept_to():
 
 
 def test_shells_can_complete():
-    run = recon("--show-completion", "bash")
-    assert run.returncode == 0 and "COMPREPLY" in run.stdout
+    """As bash asks: the words so far in the environment, what may follow on stdout."""
+    named = [sys.executable, "-c", "import sys; sys.argv[0] = 'recon'; from brep_export.app.cli import main; main()"]
+    asked = {"_RECON_COMPLETE": "complete_bash", "COMP_WORDS": "recon vo", "COMP_CWORD": "1"}
+    run = subprocess.run(named, capture_output=True, text=True, check=False, env={**os.environ, **asked})
+    assert run.stdout.split() == ["voxels"], run.stderr
 
 
 def test_json_says_the_same_as_the_sentence(tmp_path):
