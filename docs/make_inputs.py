@@ -24,7 +24,7 @@ from scipy.spatial import ConvexHull
 from recon.geometry.contour_map import HeightGrid
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.polyhedron import Polyhedron, merge_coplanar
-from recon.hole_patch.sample_vessel import broken_vessel
+from recon.hole_patch.sample_vessel import VesselOptions, broken_vessel
 from recon.terrain.contouring import contour_grid
 from recon.three_view.hidden_lines import draw
 
@@ -36,10 +36,10 @@ def main() -> None:
     write_inputs(Path(sys.argv[1] if len(sys.argv) > 1 else "inputs"))
 
 
-def write_inputs(folder: Path) -> None:
+def write_inputs(folder: Path, vessel: VesselOptions | None = None) -> None:
     """One input a command."""
     (folder / "sherds").mkdir(parents=True, exist_ok=True)
-    for number, sherd in enumerate(broken_vessel().sherds):
+    for number, sherd in enumerate(broken_vessel(vessel).sherds):
         write_scan(sherd, folder / "sherds" / f"{number:02}.ply")
     write_scan(pebble(), folder / "pebble.ply")
     rows = [f"{x:.4f}, {y:.4f}" for x, y in outline()]
