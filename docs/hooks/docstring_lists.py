@@ -28,7 +28,7 @@ class DocstringLists(Extension):
 def as_markdown(docstring: str) -> str:
     """Paragraphs whose first line stands in columns as lists; drawings, which are indented, as they are."""
     plain = docstring.replace("](", "]\\(")  # an interval before a bracket is no link
-    cited = re.sub(rf"\[({KEYS})\]", r"[[\1]](../bibliography.md#\1)", plain)
+    cited = re.sub(rf"\[({KEYS})\](?!\])", r"[[\1]](../bibliography.md#\1)", plain)
     return "\n\n".join(map(_paragraph, re.split(r"\n\s*\n", cited)))
 
 
