@@ -189,7 +189,8 @@ def predicted(search: ReliefSearch, recipes: Sequence[Recipe], taught: Sequence[
         there, known = search.heights(places, cells)
         lively = search.liveliness
         usual = np.maximum(lively, CALM * lively.max())[ring[:, 1]]
-        lesson = _Lesson(search.heights(places, ring)[0], search.at(ring), ring * search.cell, usual)
+        examples = search.heights(places, ring)[0].astype(np.float32)
+        lesson = _Lesson(examples, search.at(ring), ring * search.cell, usual)
         for k, recipe in enumerate(recipes):
             if recipe.places != (count, apart, turned):
                 continue
@@ -264,9 +265,11 @@ def _slopes(rows: Ints, guess: Floats, true: Floats, heed: Floats, search: Relie
 class _Lesson:
     """What weights are learned from: (k, m) heights of candidates on the ring, (m,) true ones, (m, 2) places in mm,
     (m,) usual height of the relief in their rows.
+
+    Single precision halves the time of the sums over the ring; the ridge is ten thousand times its rounding.
     """
 
-    examples: Floats
+    examples: NDArray[np.float32]
     truth: Floats
     place: Floats
     usual: Floats
@@ -287,8 +290,8 @@ class _Lesson:
         assert recipe.ridge is not None  # a mean has no lesson
         away = ((near - middle) ** 2).sum(axis=1)
         heed = (np.exp(-0.5 * (away - away.min())) + ALOOF) * trust
-        weighted = self.examples * heed
-        gram = weighted @ self.examples.T
+        weighted = self.examples * heed.astype(np.float32)
+        gram = np.asarray(weighted @ self.examples.T, dtype=np.float64)
         ridge = recipe.ridge * np.trace(gram) + 1e-12
         return np.asarray(cho_solve(cho_factor(gram + ridge * np.eye(len(gram))), weighted @ self.truth))
 
@@ -299,7 +302,7 @@ def _patch_middles(place: Floats) -> Floats:
     return np.stack([np.bincount(patch.ravel(), x) / np.bincount(patch.ravel()) for x in place.T], axis=1)
 
 
-def _blended(weights: Floats, heights: Floats, place: Floats, middles: Floats) -> Floats:
+def _blended(weights: Floats, heights: Floats | NDArray[np.float32], place: Floats, middles: Floats) -> Floats:
     """(n,) sums of heights (k, n) at places (n, 2), by weights (p, k) of the patches around."""
     away = cdist(place, middles, "sqeuclidean")
     share = np.exp(-0.5 * (away - away.min(axis=1, keepdims=True)))
