@@ -25,7 +25,7 @@ def demo(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("reconstruct", "finding the hole"):
         piece = patch_hole(vessel.sherds, doing=bench.doing)
     for note in piece.notes:
-        bench.note(note)
+        bench.note(note, name="piece")
     truth = _against_truth(piece, vessel)
     return patch_answer("demo", piece, request, bench, room={"truth": truth})
 

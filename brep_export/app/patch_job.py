@@ -14,6 +14,7 @@ from brep_export.app.deliver import Parcel, gate, print_formats, write_parcels
 from brep_export.app.hole_list import hole_figures, hole_list
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result, statistics
+from brep_export.app.scene import Measured, mesh_part
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import trimmed_face
@@ -74,7 +75,7 @@ def patch(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("reconstruct", "finding the hole"):
         piece = patch_hole(sherds, options, doing=bench.doing)
     for note in piece.notes:
-        bench.note(note)
+        bench.note(note, name="piece")
     return patch_answer("patch", piece, request, bench)
 
 
@@ -101,7 +102,7 @@ def _read(request: Mapping[str, Any], bench: Bench) -> list[TriangleMesh]:
     files = [read_mesh(path, unit=request["unit"]) for path in request["inputs"]]
     for path, file in zip(request["inputs"], files):
         for note in file.notes:
-            bench.note(f"{path}: {note}")
+            bench.note(f"{path}: {note}", name="reading")
     return [file.mesh for file in files]
 
 
@@ -131,7 +132,9 @@ class _Proved:
         triangles = self.report.triangulation
         expected = None if triangles is None else self.trust.at(triangles.vertices)
         paint = partial(_paint, self.piece.sherds, self.report, expected)
-        return Parcel(self.shape, self.report, outputs, picture, paint, colours=_colours(expected, outputs))
+        title = f"the piece of {self.name[:-2]}" if self.name else "the piece"
+        measured, colours = partial(_measured, self.piece.sherds, self.trust), _colours(expected, outputs)
+        return Parcel(self.shape, self.report, outputs, picture, paint, colours=colours, measured=measured, title=title)
 
     def figures(self, bench: Bench) -> dict[str, Any]:
         return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self, bench)
@@ -174,7 +177,7 @@ def _patch_all(
     if not made:
         raise NoHole("no hole can be patched: " + " ".join(f"hole {a.number}: {a.reason}" for a in refused))
     for attempt in refused:
-        bench.note(f"hole {attempt.number} gets no piece: {attempt.reason}")
+        bench.note(f"hole {attempt.number} gets no piece: {attempt.reason}", name="hole-left-out")
     proved = {number: _proved(piece, request, bench, name=f"hole {number}: ") for number, piece in made}
     parcels = [p.parcel(*_numbered(number, request)) for number, p in proved.items()]
     delivered = dict(zip(proved, write_parcels(parcels, request, bench)))
@@ -260,7 +263,8 @@ def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench, name:
     if share > 0.0:
         bench.note(
             f"{name}the wall is thinner than {limit:g} mm over {100.0 * share:.0f} % of the piece; it is thinnest, "
-            f"{thickness.least:.2f} mm, near ({x:.1f}, {y:.1f}, {z:.1f})."
+            f"{thickness.least:.2f} mm, near ({x:.1f}, {y:.1f}, {z:.1f}).",
+            name="thin-wall",
         )
 
 
@@ -326,7 +330,7 @@ def _fit(proved: _Proved, bench: Bench) -> dict[str, Any]:
     with bench.phase("check", f"{proved.name}setting the piece in"):
         placing = place(report.triangles(), piece.sherds, tolerance=scans_tolerance(piece.settling))
     for note in placing.notes:
-        bench.note(f"{proved.name}{note}")
+        bench.note(f"{proved.name}{note}", name="placing")
     return _placing_figures(placing)
 
 
@@ -367,6 +371,13 @@ def _colours(expected: NDArray[np.float64] | None, outputs: Sequence[str]) -> ND
     from brep_export.app.pictures import colours_of
 
     return colours_of(expected)
+
+
+def _measured(sherds: Sequence[TriangleMesh], trust: Confidence) -> Measured:
+    from brep_export.app.pictures import CLAY
+
+    parts = [mesh_part(f"sherd {i}", mesh, CLAY[i % len(CLAY)]) for i, mesh in enumerate(sherds, 1)]
+    return Measured(parts, trust.at, "expected error, mm")
 
 
 def _paint(

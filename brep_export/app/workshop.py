@@ -57,9 +57,13 @@ class Outcome:
 
 @dataclass
 class Bench:
-    """What a job holds while it works: phases that are timed and announced, notes, and staged files."""
+    """What a job holds while it works: phases that are timed and announced, notes, and staged files.
+
+    silenced  names of notes that are kept for the answer and not shown
+    """
 
     send: Callable[[tuple[str, Any]], None]
+    silenced: frozenset[str] = frozenset()
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     started: float = field(default_factory=time.perf_counter)
@@ -81,10 +85,11 @@ class Bench:
     def doing(self, text: str) -> None:
         self.send(("doing", text))
 
-    def note(self, text: str) -> None:
-        """Tell the user something at once, and keep it for the answer."""
+    def note(self, text: str, *, name: str = "") -> None:
+        """Tell the user something at once, unless it is silenced by its name, and keep it for the answer."""
         self.notes.append(text)
-        self.send(("note", text))
+        if name not in self.silenced:
+            self.send(("note", f"{text} [{name}]" if name else text))
 
     def staged(self, path: Path) -> None:
         """Tell the front desk of a temporary file, which it removes if this process cannot."""
@@ -172,7 +177,7 @@ def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
     # matrices are small here: threads of the linear algebra library wait for each other far longer than they work
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    bench = Bench(pipe.send)
+    bench = Bench(pipe.send, frozenset(request.get("silence") or ()))
     try:
         module, function = job.split(":")
         outcome = Outcome(*getattr(importlib.import_module(module), function)(request, bench))

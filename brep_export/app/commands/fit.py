@@ -9,6 +9,7 @@ import typer
 from brep_export.app.commands.options import (
     AsJson,
     Debug,
+    DryRun,
     Force,
     Name,
     Picture,
@@ -16,6 +17,7 @@ from brep_export.app.commands.options import (
     Quiet,
     Report,
     Schema,
+    Silence,
     Timeout,
     UnitOfScans,
 )
@@ -91,6 +93,8 @@ def fit(
     quiet: Quiet = False,
     timeout: Timeout = None,
     force: Force = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """Subdivision surface of a scan: its control mesh, and its limit surface as a B-rep."""
