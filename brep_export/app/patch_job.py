@@ -22,7 +22,7 @@ from brep_export.solids import lip_solid, thick_solid
 from recon.errors import BadOption, NoHole, NoWall
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
-from recon.hole_patch.confidence import BOUND, SHARE, Confidence, confidence
+from recon.hole_patch.confidence import ASSUMED, BOUND, SHARE, Confidence, confidence
 from recon.hole_patch.lip_piece import lip_thickness
 from recon.hole_patch.pipeline import (
     MissingPiece,
@@ -317,6 +317,7 @@ def _trust(trust: Confidence) -> dict[str, Any]:
             "share": SHARE,
             "within": BOUND,
             "sherds_left_out": trust.outer.n_left_out,
+            "assumed": ASSUMED,
         }
     }
 

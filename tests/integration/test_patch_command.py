@@ -78,6 +78,7 @@ def test_closed_sherds_give_one_closed_solid_in_every_format(vessel, mended):
     assert room["gap"]["overlap"] == pytest.approx(sum(n["overlap"]["share"] for n in room["neighbours"]))
     assert room["gap"]["usual"] == pytest.approx(0.0, abs=0.4) and room["gap"]["usual"] >= room["gap"]["min"]
     assert room["collision_free"] or any(n["holds"] for n in room["neighbours"])
+    assert "handle" in room["confidence"]["assumed"]
     inward = -vessel.lost.vertices.mean(axis=0)[:2]
     assert np.dot(room["insert_direction"][:2], inward) > 0  # from outside, toward the vessel's axis
     assert sorted(p.name for p in folder.iterdir()) == sorted(f"piece.{e}" for e in (*ENDINGS, "png"))
