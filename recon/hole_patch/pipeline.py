@@ -262,7 +262,9 @@ def _piece(found: HolesFound, options: PatchOptions, doing: Callable[[str], None
     around, misread = look_again(found.reading, around, pass_band=options.pass_band)
     method, notes = _road(around, options)
     if misread:
-        notes += (f"{misread} faces beside the hole lie too deep under the wall to be wall: they were taken for fracture.",)
+        notes += (
+            f"{misread} faces beside the hole lie too deep under the wall to be wall: they were taken for fracture.",
+        )
     notes += () if found.settling is None else (found.settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)

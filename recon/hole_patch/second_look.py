@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from recon.errors import NoHole, NoSurface
-from recon.hole_patch.assembly import Assembly
+from recon.hole_patch.assembly import Assembly, label_groups
 from recon.hole_patch.sherds import Reading, surroundings_in, with_fracture
-from recon.hole_patch.surroundings import Surroundings
-from recon.hole_patch.walls import INNER, OUTER, spread
+from recon.hole_patch.surroundings import Axis, Surroundings
+from recon.hole_patch.walls import INNER, OUTER, depths_in_wall, spread
 from recon.hole_patch.wheel_sheet import WallFit, fit_wall
 
 __all__ = ["look_again", "misread_faces"]
@@ -33,9 +33,11 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 BESIDE = 2.0  # thicknesses from the hole's edge within which faces are looked at again
-ALIKE = 0.9  # of the wall farther off shows less depth times slope; cracks misread there make up a few hundredths
-ABOVE = 3.0  # times that is fracture
-LEAST = 0.05  # of the thickness, depth times slope of a sheet that is off a little
+ALIKE = 0.9  # of the wall farther off is less deep, and less deep and steep; cracks misread there are a few hundredths
+ABOVE, DEEPER = 3.0, 1.5  # times that is fracture: depth times slope of a face, depth of one face in every group
+LEAST, DEEP = 0.05, 0.1  # the same in thicknesses, where the wall is smooth: the sheet is off a little, too
+LEVEL = 0.3  # slope of what lies beside the sheet
+UNDER = 0.75  # of a group's area lie under the sheet
 STEEPEST = 10.0  # slope of what is square to the sheet, or overhangs
 DEEPEST = 1.5  # thicknesses: what lies deeper is another wall
 MOST = 0.3  # of the wall looked at: where more seems fracture, the sheet is wrong
@@ -73,24 +75,20 @@ def _misread(reading: Reading, around: Surroundings) -> Flags:
         except NoSurface:
             continue
         on_wall = np.isin(reading.labels, labels)
-        found |= misread_faces(
-            fit, reading.table, reading.normals, on_wall, thickness=reading.thickness, inward=inward
-        )
+        found |= misread_faces(fit, around.axis, reading, on_wall, inward=inward)
     return found
 
 
-def misread_faces(
-    fit: WallFit, table: Assembly, normals: Floats, on_wall: Flags, *, thickness: float, inward: float
-) -> Flags:
+def misread_faces(fit: WallFit, axis: Axis, reading: Reading, on_wall: Flags, *, inward: float) -> Flags:
     """(F,) faces read as wall beside the hole that are fracture.
 
     fit        of the wall
-    normals    (F, 3) of all faces, freed from noise
+    axis       that it was turned about
     on_wall    (F,) faces that were read as this wall
-    thickness  of the wall, in millimetres
     inward     -1 where the material lies below the sheet, as on outer walls and over the lip, 1 where above, as on the
                inner one
     """
+    table, normals, thickness = reading.table, reading.normals, reading.thickness
     none = np.zeros(table.n_faces, dtype=bool)
     edge = cKDTree(fit.wall.edge.points * fit.unit)
     walls = np.flatnonzero(on_wall)
@@ -100,17 +98,48 @@ def misread_faces(
     if not beside.any():
         return none
     depth, slope = _under_sheet(fit, table.centres[walls], -inward * normals[walls], inward)
-    down = np.where((depth > 0.0) & (depth < DEEPEST * thickness), depth * slope, 0.0)
-    usual = float(np.quantile(down[~beside], ALIKE)) if (~beside).any() else 0.0
-    deep = beside & (down > max(ABOVE * usual, LEAST * thickness))
-    if not deep.any():
+    depth = np.where(depth < DEEPEST * thickness, depth, 0.0)
+    down = np.maximum(depth, 0.0) * slope
+    usual, deepest = (_usual(x[~beside]) for x in (down, depth))
+    steep = beside & (down > max(ABOVE * usual, LEAST * thickness))
+    if not steep.any():
         return none
-    level = (np.abs(depth) < 0.5 * LEAST * thickness) & (slope < 0.3)
-    share = _spread(table, normals, on_wall, walls[deep], walls[level & ~deep])
-    found = none.copy()
+    level = (np.abs(depth) < 0.5 * LEAST * thickness) & (slope < LEVEL)
+    share = _spread(table, normals, on_wall, walls[steep], walls[level & ~steep])
+    found, deeps = none.copy(), np.full(table.n_faces, -np.inf)
     found[walls[beside]] = share[walls[beside]] < 0.5
-    area = table.areas * found
-    return none if area.sum() > MOST * table.areas[walls[beside]].sum() else found
+    deeps[walls] = depth
+    found = _fracture_groups(table, found, deeps, max(DEEPER * deepest, DEEP * thickness))
+    found = _off_wheel(table, normals, axis, found, on_wall & ~found, DEEP * thickness)
+    return none if table.areas[found].sum() > MOST * table.areas[walls[beside]].sum() else found
+
+
+def _usual(values: Floats) -> float:
+    return float(np.quantile(values, ALIKE)) if len(values) else 0.0
+
+
+def _fracture_groups(table: Assembly, faces: Flags, depth: Floats, deep: float) -> Flags:
+    """(F,) those connected groups of the faces that lie under the sheet, but for a quarter, and somewhere deep.
+
+    A flank of relief lies half above it.
+    """
+    group, area = label_groups(table, faces.astype(np.int64))
+    deepest = np.full(len(area), -np.inf)
+    np.maximum.at(deepest, group[faces], depth[faces])
+    under = np.bincount(group, table.areas * (depth > 0.0), len(area))
+    return faces & ((deepest > deep) & (under > UNDER * area))[group]
+
+
+def _off_wheel(table: Assembly, normals: Floats, axis: Axis, faces: Flags, wall: Flags, deep: float) -> Flags:
+    """(F,) those connected groups of the faces that lie deep in the wall all round the turn, too: a foot or a shoulder
+    too sharp for the sheet comes back there.
+    """
+    if not faces.any():
+        return faces
+    group, area = label_groups(table, faces.astype(np.int64))
+    below = np.full(len(area), -np.inf)
+    np.maximum.at(below, group[faces], depths_in_wall(table, normals, axis, wall)[faces])
+    return faces & (below > deep)[group]
 
 
 def _under_sheet(fit: WallFit, points: Floats, normals: Floats, inward: float) -> tuple[Floats, Floats]:
