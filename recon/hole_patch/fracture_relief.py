@@ -24,7 +24,7 @@ ROUNDS = 3  # of going to the nearest point of the fracture and back onto d
 FARTHEST = 0.5  # of the wall's thickness: what lies farther off is another face
 ASIDE = 0.12  # of the thickness: how far the point found may lie beside d
 SMOOTHED = 0.5  # mm along the edge: vertices of a scan lie about as far apart
-KNOWN = 0.5  # share of the rungs around at which the fracture was found, from which on it is followed all the way
+DOUBT = 0.15  # weight of the rung as it is beside that of measured points
 
 
 def fracture_relief(
@@ -80,20 +80,11 @@ def _nearness(points: Floats, closed: bool) -> Floats:
 
 
 def _smoothed(off: Floats, found: Flags, near: Floats) -> Floats:
-    """Weighted means over the found neighbours; single points far from the others count little.
-
-    Nothing may draw the mean aside: where the fracture lies far off all along, its points would seem to be astray.
-    """
-    if not found.any():
-        return np.zeros_like(off)
+    """Weighted means over the found neighbours; single points far from the others count little."""
     weight = found.astype(np.float64)
     for _ in range(2):
-        mean = _mean(off, weight, near)
-        spread = 1.4826 * np.median(np.abs(off - mean)[found])
+        total = near @ weight
+        mean = near @ (weight * off) / (total + DOUBT * near.sum(axis=1))
+        spread = 1.4826 * np.median(np.abs(off - mean)[found]) if found.any() else 1.0
         weight = found / (1.0 + ((off - mean) / max(3.0 * spread, 1e-6)) ** 2) ** 2
-    known = np.clip(near @ found / (KNOWN * near.sum(axis=1)), 0.0, 1.0)
-    return np.asarray(known * _mean(off, weight, near))
-
-
-def _mean(off: Floats, weight: Floats, near: Floats) -> Floats:
-    return np.asarray(near @ (weight * off) / np.maximum(near @ weight, 1e-300))
+    return np.asarray(near @ (weight * off) / (near @ weight + DOUBT * near.sum(axis=1)))
