@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from recon.geometric_fit.foot_points import Feet
+from recon.geometric_fit.foot_points import ROUGH, Feet, walk_feet
 from recon.geometric_fit.scan_data import ScanData
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
@@ -26,16 +26,17 @@ __all__ = ["BorderPull", "Borders", "sideways"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 ON_SIDE = 1e-12  # how far inside a place on a side may seem
 SHARES = (0.25, 0.75)  # of a border side, where it is sampled
 
 
 class BorderPull(NamedTuple):
-    """Samples of the border of the surface.
+    """Samples of the border of the surface and of its creases.
 
-    feet     where they are; `normals` point to the border of the scan
-    targets  (m, 3) the nearest points of the border of the scan
+    feet     where they are; `normals` point to the border, or to the sharp edges, of the scan
+    targets  (m, 3) the nearest points of these
     """
 
     feet: Feet
@@ -43,38 +44,77 @@ class BorderPull(NamedTuple):
 
 
 class Borders:
-    """The border of one control mesh; empty where it, or the scan, is closed."""
+    """The border and the creases of one control mesh; empty where it, or the scan, has none."""
 
     def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
-        self._scan = scan
-        patch, side = _free_sides(patches) if scan.is_open else (np.empty(0, dtype=np.int64),) * 2
-        patch, side = (np.repeat(x, len(SHARES)) for x in (patch, side))
+        self._patches = patches
+        self._twins = _twins(patches)
+        patch, side = np.nonzero((patches.arrays.across < 0) & (self._twins < _key(patches)))
+        is_border = self._twins[patch, side] < 0
+        self._trees = [scan.border_tree if scan.is_open else None, scan.sharp_tree if len(scan.sharp_edges) else None]
+        wanted = np.where(is_border, self._trees[0] is not None, self._trees[1] is not None)
+        patch, side = np.repeat(patch[wanted], len(SHARES)), np.repeat(side[wanted], len(SHARES))
+        is_border = np.repeat(is_border[wanted], len(SHARES))
         v, w = _on_sides(patches, side, np.resize(np.array(SHARES), len(side)))
         nowhere = np.empty((len(patch), 3))
-        self._places = Feet(patch, v, w, nowhere, nowhere)
+        self._places, self._groups = Feet(patch, v, w, nowhere, nowhere), (is_border, ~is_border)
         self._to_places: sparse.csr_array = basis_rows(patches, self._places).matrix(mesh.n_vertices)
 
     def pull(self, control_points: Floats) -> BorderPull:
         """Where the samples are, and where they should come to."""
         places = self._to_places @ control_points
-        if len(places) == 0:
-            return BorderPull(self._places, places)
-        found = self._scan.border_tree.closest(places)
-        away = found.points - places
+        targets = places.copy()
+        for tree, group in zip(self._trees, self._groups):
+            if tree is not None and group.any():
+                targets[group] = tree.closest(places[group]).points
+        away = targets - places
         normals = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
-        return BorderPull(self._places._replace(positions=places, normals=normals), found.points)
+        return BorderPull(self._places._replace(positions=places, normals=normals), targets)
+
+    def hopped(self, points: Floats, data: Floats, feet: Feet, *, step: float = ROUGH) -> Feet:
+        """The feet, those on a crease moved to its other side where a nearer point is found from there.
+
+        A walk cannot leave the piece of surface between creases in which it began.
+        points  (R, 3) the points the patches depend on, data (N, 3)
+        step    as of `walk_feet`
+        """
+        patches, k = self._patches, self._twins.shape[1]
+        which, side = _on_free_side(patches, feet)
+        twin = self._twins[feet.patch[which], side]
+        which, side, twin = which[twin >= 0], side[twin >= 0], twin[twin >= 0]
+        if len(which) == 0:
+            return feet
+        along = _along(patches, side, feet.v[which], feet.w[which])
+        v, w = _on_sides(patches, twin % k, 1.0 - along)
+        at = feet.chosen(which)
+        there = walk_feet(patches, points, data[which], at._replace(patch=twin // k, v=v, w=w), step=step)
+        off = [np.linalg.norm(each.positions - data[which], axis=1) for each in (at, there)]
+        nearer = off[1] < off[0]
+        return feet.replaced(which[nearer], there.chosen(np.flatnonzero(nearer)))
 
 
-def _free_sides(patches: LimitPatches) -> tuple[Ints, Ints]:
-    """(m,) patches and (m,) their sides on the border; both sides of a crease, which weigh points alike, are none."""
+def _key(patches: LimitPatches) -> Ints:
+    """(P, k) the number of every side."""
+    return np.arange(patches.arrays.across.size).reshape(patches.arrays.across.shape)
+
+
+def _twins(patches: LimitPatches) -> Ints:
+    """(P, k) the side on the other side of a crease, as k times its patch plus its number there; -1 elsewhere.
+
+    The two sides of a crease are known by their weights, which are alike.
+    """
     patch, side = np.nonzero(patches.arrays.across < 0)
     v, w = _on_sides(patches, side, np.full(len(side), 0.5))
     nowhere = np.empty((len(patch), 3))
     rows = basis_rows(patches, Feet(patch, v, w, nowhere, nowhere)).matrix(patches.points.shape[1])
     mark = np.round(rows @ np.random.default_rng(0).random(rows.shape[1]), 10)
-    _, number, count = np.unique(mark, return_inverse=True, return_counts=True)
-    lone = count[number] == 1
-    return patch[lone], side[lone]
+    order = np.argsort(mark, kind="stable")
+    pair = np.flatnonzero(mark[order[1:]] == mark[order[:-1]])
+    twins = np.full(patches.arrays.across.shape, -1)
+    one, two = order[pair], order[pair + 1]
+    key = _key(patches)[patch, side]
+    twins[patch[one], side[one]], twins[patch[two], side[two]] = key[two], key[one]
+    return twins
 
 
 def _corners(patches: LimitPatches) -> Floats:
@@ -90,18 +130,31 @@ def _on_sides(patches: LimitPatches, side: Ints, share: Floats) -> tuple[Floats,
     return place[:, 0].copy(), place[:, 1].copy()
 
 
+def _along(patches: LimitPatches, side: Ints, v: Floats, w: Floats) -> Floats:
+    """How far along their sides places on them are."""
+    corners = _corners(patches)
+    start, way = corners[side], (np.roll(corners, -1, axis=0) - corners)[side]
+    return np.einsum("mi,mi->m", np.stack([v, w], axis=1) - start, way) / np.einsum("mi,mi->m", way, way)
+
+
+def _on_free_side(patches: LimitPatches, feet: Feet) -> tuple[Ints, Ints]:
+    """Which feet are on a border or a crease, and on which side of their patch."""
+    v, w = feet.v, feet.w
+    inside = [w, 1.0 - v - w, v] if patches.arrays.across.shape[1] == 3 else [w, 1.0 - v, 1.0 - w, v]
+    on = (np.stack(inside, axis=1) <= ON_SIDE) & (patches.arrays.across[feet.patch] < 0)
+    which = np.flatnonzero(on.any(axis=1))
+    return which, on[which].argmax(axis=1)
+
+
 def sideways(patches: LimitPatches, points: Floats, feet: Feet) -> tuple[Ints, Floats]:
     """Which feet are on a border or a crease, and (m, 3) the unit vectors there that lead out of the patch.
 
     points  (R, 3) the points the patches depend on
     """
-    v, w = feet.v, feet.w
-    inside = [w, 1.0 - v - w, v] if patches.arrays.across.shape[1] == 3 else [w, 1.0 - v, 1.0 - w, v]
-    on = (np.stack(inside, axis=1) <= ON_SIDE) & (patches.arrays.across[feet.patch] < 0)
-    which = np.flatnonzero(on.any(axis=1))
+    which, side = _on_free_side(patches, feet)
     corners = _corners(patches)
-    along = (np.roll(corners, -1, axis=0) - corners)[on[which].argmax(axis=1)]
-    slopes = points_at(patches.arrays, points, feet.patch[which], v[which], w[which], 3)
+    along = (np.roll(corners, -1, axis=0) - corners)[side]
+    slopes = points_at(patches.arrays, points, feet.patch[which], feet.v[which], feet.w[which], 3)
     tangent = np.einsum("mi,mik->mk", along, slopes[:, 1:3])
     out = np.cross(tangent, np.cross(slopes[:, 1], slopes[:, 2]))
     return which, out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)

@@ -14,12 +14,13 @@ Paper  [hoppe1994], sharp edges, darts and corners of a subdivision surface.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
+from recon.geometric_fit.chains import chain_lengths, chains_of
+from recon.geometric_fit.sharpening import SharpScan
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
+from recon.numerics.distance import TriangleTree
 from recon.numerics.halfedges import edge_table
 
 __all__ = ["n_loose_ends", "with_creases"]
@@ -32,12 +33,13 @@ REACH = 0.35  # of a control edge: how far from it the scan is asked
 CONFIRMED = 0.75  # of the angle asked for is found in the scan, whose edges are a little rounded
 EDGED = 0.1  # of all edges in long chains: the shape is one with sharp edges, and shorter chains count too
 SHORTEST = 4  # edges in a chain of such a shape: fewer are a bump
+WEAK, ALONG = 0.5, 0.15  # of the angle, and of its length off a sharp edge that was put back: enough for an edge there
 LONG = 0.5  # of the diagonal, all edges of a chain together: what is shorter, as a hoof or an ear, is fitted smoothly
 NEAREST = 24  # faces of the scan that are asked at each edge at least, as far as they are within reach
 SHARP_TURN = np.cos(np.radians(50.0))  # between two edges of a chain that meet in a corner
 
 
-def with_creases(mesh: ControlMesh, scan: TriangleMesh, angle: float) -> ControlMesh:
+def with_creases(mesh: ControlMesh, scan: SharpScan, angle: float) -> ControlMesh:
     """The control mesh with its sharp edges marked, and the corners of these and of its border.
 
     angle  radians between the normals of two faces from which on the edge is sharp
@@ -48,12 +50,24 @@ def with_creases(mesh: ControlMesh, scan: TriangleMesh, angle: float) -> Control
     pair = pair[table.uses[edge[pair]] == 2]
     normals = _unit(mesh.triangle_mesh().area_vectors())
     one, two = face[pair], face[pair + 1]
-    bent = np.einsum("ij,ij->i", normals[one], normals[two]) < np.cos(angle)
-    edges, one, two = table.edges[edge[pair[bent]]], one[bent], two[bent]
-    found = _angle_in_scan(mesh, scan, edges, normals[one] + normals[two]) > CONFIRMED * angle
-    creases = _chains(edges[found], mesh.vertices, len(table.edges))
+    turn = np.arccos(np.clip(np.einsum("ij,ij->i", normals[one], normals[two]), -1.0, 1.0))
+    bent = turn > (angle if len(scan.edges) == 0 else WEAK * angle)
+    edges, outward = table.edges[edge[pair[bent]]], (normals[one] + normals[two])[bent]
+    if len(scan.edges):
+        creases = edges[_along(mesh.vertices[edges], scan)]
+    else:
+        found = _angle_in_scan(mesh, scan.mesh, edges, outward) > CONFIRMED * angle
+        creases = _chains(edges[found], mesh.vertices, len(table.edges))
     corners = _corners(mesh.vertices, np.concatenate([creases, table.edges[table.uses == 1]]))
     return ControlMesh(mesh.vertices, mesh.face_corners, mesh.face_starts, creases, corners)
+
+
+def _along(ends: Floats, scan: SharpScan) -> Bools:
+    """(m,) whether control edges, given by their ends (m, 2, 3), lie along sharp edges of the scan."""
+    tree = TriangleTree(scan.mesh.vertices, scan.edges[:, [0, 1, 1]])
+    places = np.stack([ends[:, 0], ends.mean(axis=1), ends[:, 1]], axis=1)
+    off = np.linalg.norm(tree.closest(places.reshape(-1, 3)).points.reshape(places.shape) - places, axis=2)
+    return np.asarray(off.max(axis=1) < ALONG * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
 
 
 def n_loose_ends(mesh: ControlMesh) -> int:
@@ -90,12 +104,9 @@ def _chains(edges: Ints, vertices: Floats, n_edges: int) -> Ints:
     """The edges that hang together with enough others: over LONG of the diagonal, or some few where all is sharp."""
     if len(edges) == 0:
         return edges
-    ones = np.ones(len(edges), dtype=np.int8)
-    graph = sparse.coo_array((ones, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices)))
-    piece = csgraph.connected_components(graph, directed=False)[1][edges[:, 0]]
-    length = np.bincount(piece, np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1))
-    long = length[piece] >= LONG * np.linalg.norm(np.ptp(vertices, axis=0))
-    return edges[np.bincount(piece)[piece] >= SHORTEST if long.sum() > EDGED * n_edges else long]
+    chain = chains_of(edges, len(vertices))
+    long = chain_lengths(edges, vertices) >= LONG * np.linalg.norm(np.ptp(vertices, axis=0))
+    return edges[np.bincount(chain)[chain] >= SHORTEST if long.sum() > EDGED * n_edges else long]
 
 
 def _corners(vertices: Floats, sharp: Ints) -> Ints:

@@ -55,6 +55,14 @@ class Feet(NamedTuple):
         """Those of the numbers `which`."""
         return Feet(self.patch[which], self.v[which], self.w[which], self.positions[which], self.normals[which])
 
+    def replaced(self, which: Ints, others: "Feet") -> "Feet":
+        """These feet with others in the places `which`."""
+        patch, v, w = self.patch.copy(), self.v.copy(), self.w.copy()
+        positions, normals = self.positions.copy(), self.normals.copy()
+        patch[which], v[which], w[which] = others.patch, others.v, others.w
+        positions[which], normals[which] = others.positions, others.normals
+        return Feet(patch, v, w, positions, normals)
+
 
 def joined(parts: Sequence[Feet]) -> Feet:
     """Feet one after the other."""
@@ -76,12 +84,17 @@ def nearest_feet(patches: LimitPatches, points: Floats, data: Floats, *, step: f
     return walk_feet(patches, points, data, seed_feet(patches, points, data), step=step)
 
 
-def seed_feet(patches: LimitPatches, points: Floats, data: Floats) -> Feet:
-    """The sample of the surface that is nearest to each data point; normals are zero."""
+def seed_feet(patches: LimitPatches, points: Floats, data: Floats, *, n_nearest: int = 1) -> Feet:
+    """The sample of the surface that is nearest to each data point, then the second nearest of each, and so on.
+
+    The normals are zero.
+    """
     patch, v, w = sample_places(patches)
     samples = points_at(patches.arrays, points, patch, v, w, 1)[:, 0]
-    nearest = cKDTree(samples, balanced_tree=False, compact_nodes=False).query(data)[1]
-    return Feet(patch[nearest], v[nearest], w[nearest], samples[nearest], np.zeros_like(data))
+    tree = cKDTree(samples, balanced_tree=False, compact_nodes=False)
+    nearest = tree.query(data, k=np.arange(1, n_nearest + 1))[1].T.ravel()
+    nearest = np.minimum(nearest, len(samples) - 1)  # where there are fewer samples, the tree names none
+    return Feet(patch[nearest], v[nearest], w[nearest], samples[nearest], np.zeros_like(samples[nearest]))
 
 
 def sample_places(patches: LimitPatches) -> tuple[Ints, Floats, Floats]:

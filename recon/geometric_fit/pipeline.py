@@ -22,15 +22,18 @@ from recon.errors import BadGeometry, NoSurface, NotManifold
 from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.creases import n_loose_ends, with_creases
+from recon.geometric_fit.exact_distances import exact_distances
 from recon.geometric_fit.folding import stepped, unfolded
-from recon.geometric_fit.foot_points import EXACT, Feet, joined, nearest_feet, walk_feet
+from recon.geometric_fit.foot_points import Feet, joined, nearest_feet, walk_feet
 from recon.geometric_fit.guards import Guards, Strays, fairness
 from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.options import FitOptions, FittedSurface
 from recon.geometric_fit.quad_mesh import initial_quads
 from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
+from recon.geometric_fit.relaxation import relaxed
 from recon.geometric_fit.scan_data import scan_data
+from recon.geometric_fit.sharpening import SharpScan, sharpened
 from recon.geometric_fit.updates import Pull, Updater
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
@@ -54,6 +57,7 @@ EASING = 1.4  # times less stiff a round where it would not
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
 OUTLYING = 2.5  # standard deviations from where on a point counts little, where outliers are expected
 GROWTH = 1.5  # times more control points a cycle, where only a tolerance is given
+FOLD_COST = 3.0  # times the error: what a fit that folds must be better by than one that does not
 STAGNATION = 0.01  # a cycle that lowers neither error by this share brings no more
 
 
@@ -79,19 +83,23 @@ def fit_surface(
 def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[str], None]) -> FittedSurface:
     """The fit with sharp edges where the scan has some, unless it folds or stays farther off than one without.
 
-    A smooth scan has steep places, too, and edges drawn through them do harm.
+    A smooth scan has steep places, too, and edges drawn through them do harm. Edges that were put back stay: points
+    that cut an edge off are nearer to a surface that does so, too.
     """
     if options.crease_angle >= np.pi or options.start is not None:
         return _Fit(scan, options, doing).run()
+    run = _Fit(scan, options, doing)
     try:
-        sharp = _Fit(scan, options, doing).run()
+        sharp = run.run()
     except BadGeometry:  # edges that lie so close to each other that no limit is defined between them
         sharp = None
-    if sharp is not None and not len(sharp.mesh.crease_edges):
+    if sharp is not None and (not len(sharp.mesh.crease_edges) or (run.has_edges_put_back and not sharp.folds)):
         return sharp
     doing("fitting again without sharp edges")
     smooth = _Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run()
-    return smooth if sharp is None else min((sharp, smooth), key=lambda fit: (fit.folds > 0, fit.errors.rms))
+    if sharp is None:
+        return smooth
+    return min((sharp, smooth), key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
 
 
 def _refuse_tangles(scan: TriangleMesh) -> None:
@@ -116,9 +124,17 @@ class _Fit:
         whole, self._n_closed = close_holes(scan) if options.close else (scan, 0)
         if self._n_closed:
             doing(f"closed {self._n_closed} holes")
-        self._scan = scan_data(whole, self._limit, n_measured=scan.n_vertices)
+        self._whole, self._sharp = whole, SharpScan(whole, np.empty((0, 2), dtype=np.int64))
+        if options.crease_angle < np.pi:
+            self._sharp = sharpened(whole, options.crease_angle)
+        self._scan = scan_data(whole, self._limit, sharp=self._sharp, n_measured=scan.n_vertices)
         self._weights = self._scan.weights.copy()
         self._record: list[Round] = []
+
+    @property
+    def has_edges_put_back(self) -> bool:
+        """Whether the scan has sharp edges, which it may have cut off."""
+        return len(self._sharp.edges) > 0
 
     def run(self) -> FittedSurface:
         self._doing("simplifying the scan")
@@ -145,20 +161,20 @@ class _Fit:
 
     def _triangles(self, count: int) -> ControlMesh:
         """The scan simplified, its sharp edges marked, valences evened out."""
-        scan = self._scan.mesh
+        scan = self._sharp.mesh
         angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
-        mesh = with_creases(initial_mesh(scan, count), scan, angle)
+        mesh = with_creases(initial_mesh(scan, count), self._sharp, angle)
         while n_loose_ends(mesh) > RAGGED * len(mesh.crease_edges) and count > 100 and not self._options.plain:
             # the simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later
             count = int(COARSER * count)
-            mesh = with_creases(initial_mesh(scan, count), scan, angle)
-        return flip_to_even_valences(mesh)
+            mesh = with_creases(initial_mesh(scan, count), self._sharp, angle)
+        return relaxed(mesh, scan) if len(mesh.crease_edges) else flip_to_even_valences(mesh)
 
     def _fitted_triangles(self, count: int) -> ControlMesh:
         """The control mesh of a Loop surface: its points are where the error was, its valences even."""
         angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
         options = FitOptions(control_points=count, crease_angle=angle, robust=self._options.robust)
-        return _Fit(self._scan.mesh, options, self._doing).run().mesh
+        return _Fit(self._whole, options, self._doing).run().mesh
 
     def _full(self) -> int:
         """Control points from which on there is no room for more: triangles take one at a time, quadrilaterals four."""
@@ -212,7 +228,8 @@ class _Fit:
                 eased = np.maximum(stiffness / EASING, usual)
                 stiffness = np.where(step.folding, np.minimum(STIFFER * stiffness, STIFFEST * usual), eased)
                 energy = fairness(mesh, stiffness)
-            feet = walk_feet(patches, patches.points @ points, scan.points, feet)
+            placed = patches.points @ points
+            feet = borders.hopped(placed, scan.points, walk_feet(patches, placed, scan.points, feet))
             errors = self._note(mesh, feet)
             # the largest error jumps from round to round where the scan has two sheets close together
             merit = (int(step.folded.sum()), errors.rms * errors.maximum)
@@ -296,13 +313,8 @@ class _Fit:
     def _finished(self, mesh: ControlMesh, patches: LimitPatches, feet: Feet, stopped: StoppedBy) -> FittedSurface:
         scan = self._scan
         folds = int(Guards(mesh, patches, scan).folded(mesh.vertices).sum())
-        measured = scan.points[: scan.n_measured]
-        points = patches.points @ mesh.vertices
-        n = scan.n_measured
-        warm = feet.chosen(np.arange(n))
-        found = (nearest_feet(patches, points, measured), walk_feet(patches, points, measured, warm, step=EXACT))
-        # two starts, as either may end at a point that is nearest only among its neighbours
-        distances = np.minimum(*(np.linalg.norm(each.positions - measured, axis=1) for each in found))
+        borders, warm = Borders(mesh, patches, scan), feet.chosen(np.arange(scan.n_measured))
+        distances = exact_distances(patches, borders, patches.points @ mesh.vertices, scan.measured, warm)
         errors = norms(distances, scan.diagonal)
         return FittedSurface(
             mesh=mesh,

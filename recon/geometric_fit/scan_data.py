@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from recon.geometric_fit.sharpening import SharpScan
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree, nearest_on_triangles
 from recon.numerics.halfedges import edge_table, free_edges, vertex_normals
@@ -35,14 +36,15 @@ FOLD = 0.0  # cosine of the angle between neighbouring normals from which on an 
 class ScanData:
     """Points to fit, and the scan they come from.
 
-    mesh        the scan
+    mesh        the scan, with its cut-off edges put back where it has some
     points      (N, 3) the scan's vertices that faces use, then vertices that fill its holes, then samples on large
                 triangles
     weights     (N,) how much each counts
     normals     (N, 3) unit normals of the scan there
     sampled_faces  the triangle of every sample
-    n_measured  how many of the points were measured
+    measured    (M, 3) where the first M points were measured; some were moved onto sharp edges
     diagonal    of the box around the scan
+    sharp_edges (E, 2) the edges of the mesh that are sharp
     """
 
     mesh: TriangleMesh
@@ -50,8 +52,14 @@ class ScanData:
     weights: Floats
     normals: Floats
     sampled_faces: Ints
-    n_measured: int
+    measured: Floats
     diagonal: float
+    sharp_edges: Ints
+
+    @property
+    def n_measured(self) -> int:
+        """How many of the points were measured."""
+        return len(self.measured)
 
     @cached_property
     def tree(self) -> cKDTree:
@@ -102,6 +110,11 @@ class ScanData:
         return TriangleTree(self.mesh.vertices, self.border[:, [0, 1, 1]])
 
     @cached_property
+    def sharp_tree(self) -> TriangleTree:
+        """Search tree over the sharp edges, as triangles without area."""
+        return TriangleTree(self.mesh.vertices, self.sharp_edges[:, [0, 1, 1]])
+
+    @cached_property
     def fold_tree(self) -> cKDTree:
         """Search tree over the folds."""
         return cKDTree(self.folds)
@@ -112,11 +125,14 @@ class ScanData:
         return fold_places(self.mesh.vertices, self.mesh.face_vertices)
 
 
-def scan_data(mesh: TriangleMesh, n_control: int, *, n_measured: int | None = None) -> ScanData:
+def scan_data(mesh: TriangleMesh, n_control: int, *, sharp: SharpScan | None = None, n_measured: int = -1) -> ScanData:
     """The points to fit with about `n_control` control points; triangles as large as a control face are sampled.
 
-    Vertices that no face uses are left out; those from `n_measured` on fill holes, and weigh as little as samples.
+    mesh        the scan; vertices that no face uses are left out
+    sharp       the same with its edges put back; None: it has none
+    n_measured  vertices from here on fill holes, and weigh as little as samples, as do those put back; -1: none do
     """
+    measured_at, mesh, sharp_edges = mesh.vertices, *(sharp or SharpScan(mesh, np.empty((0, 2), dtype=np.int64)))
     used = np.unique(mesh.face_vertices)
     vertices = mesh.vertices[used]
     normals = vertex_normals(mesh.vertices, mesh.face_vertices)[used]
@@ -126,15 +142,16 @@ def scan_data(mesh: TriangleMesh, n_control: int, *, n_measured: int | None = No
     control_edge = np.sqrt(area.sum() / (2.0 * n_control) * 4.0 / np.sqrt(3.0))
     samples, face = _samples_on_large(mesh, control_edge)
     facing = area_vectors[face] / np.maximum(area[face, None], 1e-300)
-    measured = used < (mesh.n_vertices if n_measured is None else n_measured)
+    measured = used < (len(measured_at) if n_measured < 0 else n_measured)
     return ScanData(
         mesh,
         np.concatenate([vertices, samples]),
         np.concatenate([np.where(measured, 1.0, SAMPLE_WEIGHT), np.full(len(samples), SAMPLE_WEIGHT)]),
         np.concatenate([normals, facing]),
         face,
-        int(measured.sum()),
+        measured_at[used[measured]],
         float(np.linalg.norm(np.ptp(vertices[measured], axis=0))),
+        sharp_edges,
     )
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from block_mesh import block
 from hull_meshes import bumpy_ball, disc
 from numpy.testing import assert_allclose
 
@@ -10,30 +11,14 @@ from recon.geometric_fit.creases import with_creases
 from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.pipeline import FitOptions, fit_surface
+from recon.geometric_fit.sharpening import SharpScan
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.numerics.halfedges import boundary_loops, euler_number, free_edges
 from recon.subdivision.limit_surface import tessellate
 
 RIGHT = np.radians(40.0)
-
-
-def block(n, *, scale=1.0):
-    """The surface of a cube as n by n squares a side, each in two triangles, sharp edges and all."""
-    ticks = np.linspace(-0.5, 0.5, n + 1)
-    u, v = (x.ravel() for x in np.meshgrid(ticks, ticks, indexing="ij"))
-    corner = ((n + 1) * np.arange(n)[:, None] + np.arange(n)).ravel()
-    two = [corner, corner + n + 1, corner + n + 2], [corner, corner + n + 2, corner + 1]
-    faces = np.concatenate([np.stack(t, axis=1) for t in two])
-    points, triangles = [], []
-    for axis in range(3):
-        for sign in (-0.5, 0.5):
-            side = np.empty((len(u), 3))
-            side[:, axis], side[:, (axis + 1) % 3], side[:, (axis + 2) % 3] = sign, u, v
-            triangles.append((faces if sign > 0 else faces[:, ::-1]) + len(u) * len(points))
-            points.append(side)
-    _, first, place = np.unique(np.round(np.concatenate(points), 9), axis=0, return_index=True, return_inverse=True)
-    return TriangleMesh(scale * np.concatenate(points)[first], place.ravel()[np.concatenate(triangles)], "block")
+NO_EDGES = np.empty((0, 2), dtype=np.int64)
 
 
 def holed_ball():
@@ -88,7 +73,7 @@ def test_a_filled_hole_continues_the_sphere_around_it():
 
 def test_creases_are_found_where_the_scan_is_sharp_and_nowhere_else():
     cube, ball = block(20), bumpy_ball(3000)
-    sharp = with_creases(initial_mesh(cube, 300), cube, RIGHT)
+    sharp = with_creases(initial_mesh(cube, 300), SharpScan(cube, NO_EDGES), RIGHT)
     middle = np.sort(np.abs(sharp.vertices[sharp.crease_edges].mean(axis=1)), axis=1)
     assert np.quantile(np.abs(middle[:, 1:] - 0.5), 0.8) < 0.03
     assert (middle[:, 2] - middle[:, 1]).max() < 0.15
@@ -98,7 +83,7 @@ def test_creases_are_found_where_the_scan_is_sharp_and_nowhere_else():
     )
     drawn = closest_points(places, sharp.vertices, sharp.crease_edges[:, [0, 1, 1]]).distances
     assert np.quantile(drawn, 0.9) < 0.06
-    assert len(with_creases(initial_mesh(ball, 40), ball, RIGHT).crease_edges) == 0
+    assert len(with_creases(initial_mesh(ball, 40), SharpScan(ball, NO_EDGES), RIGHT).crease_edges) == 0
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e4])

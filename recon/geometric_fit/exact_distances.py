@@ -1,0 +1,40 @@
+"""How far points are from the surface, in the end: each from several starts, the least counts.
+
+A walk ends at a point that is nearest among its neighbours. That is the nearest of all for nearly every start that is
+a nearby sample, or the foot of the last round; where it is not, the point seems far off, so the farthest are asked
+again from more samples.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometric_fit.borders import Borders
+from recon.geometric_fit.foot_points import EXACT, Feet, seed_feet, walk_feet
+from recon.subdivision.limit_surface import LimitPatches
+
+__all__ = ["exact_distances"]
+
+Floats = NDArray[np.float64]
+
+FAR = 3.0  # root mean squares from where on a distance is doubted
+MORE_STARTS = 12  # samples nearest to such a point
+
+
+def exact_distances(patches: LimitPatches, borders: Borders, points: Floats, data: Floats, warm: Feet) -> Floats:
+    """(N,) distances of the data (N, 3) from the limit surface.
+
+    points  (R, 3) the points the patches depend on
+    warm    feet to start from, beside the nearest samples
+    """
+
+    def distances(to: Floats, start: Feet) -> Floats:
+        feet = borders.hopped(points, to, walk_feet(patches, points, to, start, step=EXACT), step=EXACT)
+        return np.linalg.norm(feet.positions - to, axis=1)
+
+    found = np.minimum(distances(data, warm), distances(data, seed_feet(patches, points, data)))
+    far = np.flatnonzero(found > FAR * np.sqrt(np.mean(found**2)))
+    if len(far):
+        to = np.tile(data[far], (MORE_STARTS, 1))
+        starts = seed_feet(patches, points, data[far], n_nearest=MORE_STARTS)
+        found[far] = np.minimum(found[far], distances(to, starts).reshape(MORE_STARTS, -1).min(axis=0))
+    return found

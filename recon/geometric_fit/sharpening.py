@@ -1,0 +1,272 @@
+"""Sharp edges that a scan has cut off, put back where the surfaces on both sides meet.
+
+A scanner, or marching cubes, samples without regard to edges: triangles between the last points on one side and the
+first on the other cut every edge off. The sides are told by their smooth vertices, and meet on their tangent planes:
+
+          A                     A
+           \\                     \\               A, B   smooth faces, and the vertices beside them
+            \\                     \\              x      where the tangent planes at both ends of an edge from side
+             .                     .\\                    to side meet, nearest to its middle; three at a corner
+               `  .                   x
+                 `--.---- B          --.---- B
+
+    smooth vertices -> sides -> vertices on no side, and those next to an edge, moved onto it -> edges split at x
+
+That is done where the shape is one with edges: most of what is sharp hangs together in long chains. On other scans
+what looks sharp is noise, or a fold of a small radius, and they stay as they are.
+
+Paper  [attene2005], recovering sharp edges in meshes of feature-insensitive sampling; [kobbelt2001], the corner as the
+       point nearest to the planes around it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometric_fit.chains import chain_lengths
+from recon.geometry.mesh import TriangleMesh
+from recon.numerics.halfedges import EdgeTable, edge_table
+
+__all__ = ["SharpScan", "sharpened"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+SMOOTH = np.cos(np.radians(12.0))  # between the normals around a smooth vertex and their mean
+AGREE = np.cos(np.radians(25.0))  # between the smooth faces around a vertex and their mean, on one side
+SLIVER = 0.02  # of the median area: the normal of such a face is noise
+GROWTH = 2  # rounds in which faces join the side that they continue
+OFF = 0.1  # mean edges off the plane of its side that a vertex may be
+NEAREST, FARTHEST = 0.3, 1.5  # lengths of a split edge between its ends and the point put back
+LONGEST_MOVE = 0.7  # of a vertex, in mean edges around it
+SINGULAR = 0.02  # of the largest eigenvalue: planes that say nothing in a direction
+LONG, MOST = (
+    0.5,
+    0.5,
+)  # of the diagonal, a long chain; of all that is sharp, what lies in long ones on a shape with edges
+ROUNDED = 0.75  # of the angle asked for: along an edge that is put back it varies
+
+
+class SharpScan(NamedTuple):
+    """A scan with the edges that it had cut off.
+
+    mesh   the vertices of the scan, some of them moved, then new ones
+    edges  (m, 2) its sharp edges; none where the shape has no long ones, and mesh is the scan itself
+    """
+
+    mesh: TriangleMesh
+    edges: Ints
+
+
+class _Sides(NamedTuple):
+    """Every vertex with the side it lies on.
+
+    normals  (V, 3) unit normal of its tangent plane, as the smooth faces around it have it
+    through  (V, 3) a point of that plane
+    known    (V,) whether there are any, and they agree: a vertex on an edge lies on both sides
+    """
+
+    normals: Floats
+    through: Floats
+    known: Bools
+
+
+class _Crossings(NamedTuple):
+    """Edges from one side to another.
+
+    edges   (m,) their numbers;  points (m, 3) where the tangent planes at their ends meet
+    shares  (m, 2) how far that is from each end, in lengths of the edge
+    """
+
+    edges: Ints
+    points: Floats
+    shares: Floats
+
+
+def sharpened(scan: TriangleMesh, angle: float) -> SharpScan:
+    """The scan with its cut-off edges put back, if it is one of a shape with edges.
+
+    angle  radians between both sides from which on an edge is one
+    """
+    table = edge_table(scan.face_vertices)
+    sides = _sides(scan)
+    on_edges = _on_edges(scan, table, sides, angle)
+    crossings = _crossings(on_edges.mesh, table, on_edges.sides, angle)
+    mesh = _split(on_edges.mesh, table, crossings, on_edges.sides)
+    edges = _bent_edges(mesh, ROUNDED * angle)
+    if _are_lines(edges, mesh.vertices):
+        return SharpScan(mesh, edges)
+    return SharpScan(scan, np.empty((0, 2), dtype=np.int64))
+
+
+def _are_lines(edges: Ints, vertices: Floats) -> bool:
+    """Whether most of the edges are in long chains, and most of their vertices have two of them, as along a line."""
+    if len(edges) == 0:
+        return False
+    length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    long = chain_lengths(edges, vertices) >= LONG * np.linalg.norm(np.ptp(vertices, axis=0))
+    count = np.bincount(edges.ravel())
+    return bool(length[long].sum() > MOST * length.sum() and (count == 2).sum() > MOST * (count > 0).sum())
+
+
+def _sides(scan: TriangleMesh) -> _Sides:
+    """Smooth vertices are on one side, and so is what lies beside them, and what continues that."""
+    faces, n = scan.face_vertices, scan.n_vertices
+    area_vectors = scan.area_vectors()
+    area, normals = np.linalg.norm(area_vectors, axis=1), _unit(area_vectors)
+    sliver = area < SLIVER * np.median(area)
+
+    def agree(side: Floats, cosine: float) -> Bools:
+        return np.asarray(np.einsum("fi,fki->fk", normals, side[faces]) > cosine)
+
+    mean = _unit(_gathered(area_vectors, faces, n))
+    smooth = _all_around(agree(mean, SMOOTH) | sliver[:, None], faces, n)
+    flat = smooth[faces].any(axis=1) & ~sliver
+    for _ in range(GROWTH):
+        side = _unit(_gathered(np.where(flat[:, None], area_vectors, 0.0), faces, n))
+        flat |= agree(side, SMOOTH).any(axis=1) & ~sliver
+    side = _unit(_gathered(np.where(flat[:, None], area_vectors, 0.0), faces, n))
+    known = _all_around(~flat[:, None] | agree(side, AGREE), faces, n) & (np.linalg.norm(side, axis=1) > 0.5)
+    return _extrapolated(scan, _Sides(side, scan.vertices, known), smooth, mean)
+
+
+def _extrapolated(scan: TriangleMesh, sides: _Sides, smooth: Bools, normals: Floats) -> _Sides:
+    """The planes beside smooth vertices taken from these; a vertex that is off its plane was measured across an edge.
+
+    normals  (V, 3) of the faces around, which hold at smooth vertices
+    """
+    x, n = scan.vertices, scan.n_vertices
+    edges = edge_table(scan.face_vertices).edges
+    at, beside = np.concatenate([edges, edges[:, ::-1]]).T
+    wanted = ~smooth[at] & smooth[beside] & (np.einsum("ki,ki->k", sides.normals[at], normals[beside]) > AGREE)
+    at, beside = at[wanted], beside[wanted]
+    count = np.bincount(at, minlength=n)
+    mean = np.where((count > 0)[:, None], _unit(_added(normals[beside], at, n)), sides.normals)
+    way = x[beside] - x[at]
+    height = np.bincount(at, np.einsum("ki,ki->k", mean[at], way), n) / np.maximum(count, 1)
+    size = np.bincount(at, np.linalg.norm(way, axis=1), n) / np.maximum(count, 1)
+    off = np.abs(height) > OFF * size
+    return _Sides(mean, x + height[:, None] * mean, sides.known & ~off)
+
+
+class _OnEdges(NamedTuple):
+    """The scan with vertices moved onto edges, and the sides with these on none."""
+
+    mesh: TriangleMesh
+    sides: _Sides
+
+
+def _on_edges(scan: TriangleMesh, table: EdgeTable, sides: _Sides, angle: float) -> _OnEdges:
+    """Vertices on no side, and those that an edge passes close by, go where the planes around them meet.
+
+    A point close to an edge would leave slivers there, and a point that was measured across one lies on neither side.
+    """
+    crossings = _crossings(scan, table, sides, angle)
+    known = sides.known.copy()
+    known[table.edges[crossings.edges][crossings.shares < NEAREST]] = False
+    at, beside = np.concatenate([table.edges, table.edges[:, ::-1]]).T
+    wanted = ~known[at] & known[beside]
+    at, beside = at[wanted], beside[wanted]
+    chosen, move = _toward_planes(scan, at, beside, sides, angle)
+    vertices = scan.vertices.copy()
+    vertices[chosen] += move
+    return _OnEdges(TriangleMesh(vertices, scan.face_vertices, scan.name), sides._replace(known=known))
+
+
+def _toward_planes(scan: TriangleMesh, at: Ints, beside: Ints, sides: _Sides, angle: float) -> tuple[Ints, Floats]:
+    """(m,) vertices among `at` (k,) with two sides around them, and (m, 3) their way to all planes of `beside`."""
+    n, x = scan.n_vertices, scan.vertices
+    normals = sides.normals[beside]
+    height = np.einsum("ki,ki->k", normals, sides.through[beside] - x[at])
+    quadric = _added(np.einsum("ki,kj->kij", normals, normals).reshape(-1, 9), at, n).reshape(-1, 3, 3)
+    pull = _added(normals * height[:, None], at, n)
+    count = np.bincount(at, minlength=n)
+    size = np.bincount(at, np.linalg.norm(x[beside] - x[at], axis=1), n) / np.maximum(count, 1)
+    chosen = np.flatnonzero(count > 1)
+    values, vectors = np.linalg.eigh(quadric[chosen])
+    # two sides of equal weight at this angle have eigenvalues in the ratio of its half's squared tangent
+    two_sided = values[:, 1] > (np.tan(angle / 2.0) / 2.0) ** 2 * values[:, 2]
+    chosen, values, vectors = chosen[two_sided], values[two_sided], vectors[two_sided]
+    inverse = np.where(values > SINGULAR * values[:, 2:], 1.0 / np.maximum(values, 1e-300), 0.0)
+    move = np.einsum("mik,mk,mjk,mj->mi", vectors, inverse, vectors, pull[chosen])
+    short = np.linalg.norm(move, axis=1) < LONGEST_MOVE * size[chosen]
+    return chosen[short], move[short]
+
+
+def _crossings(scan: TriangleMesh, table: EdgeTable, sides: _Sides, angle: float) -> _Crossings:
+    ends, normals = table.edges, sides.normals[table.edges]
+    apart = np.einsum("ei,ei->e", normals[:, 0], normals[:, 1]) < np.cos(angle)
+    edges = np.flatnonzero(apart & sides.known[ends].all(axis=1))
+    through = scan.vertices[ends[edges]]
+    points = _nearest_on_planes(through.mean(axis=1), sides.through[ends[edges]], normals[edges])
+    length = np.linalg.norm(through[:, 1] - through[:, 0], axis=1)
+    shares = np.linalg.norm(points[:, None] - through, axis=2) / np.maximum(length, 1e-300)[:, None]
+    near = shares.max(axis=1) <= FARTHEST
+    return _Crossings(edges[near], points[near], shares[near])
+
+
+def _nearest_on_planes(near: Floats, through: Floats, normals: Floats) -> Floats:
+    """(m, 3) the points nearest to `near` (m, 3) on all planes `through` (m, k, 3) with `normals` (m, k, 3)."""
+    off = np.einsum("mki,mki->mk", through - near[:, None], normals)
+    return near + np.einsum("mik,mk->mi", np.linalg.pinv(normals, rcond=1e-2), off)
+
+
+def _split(scan: TriangleMesh, table: EdgeTable, crossings: _Crossings, sides: _Sides) -> TriangleMesh:
+    """Every face cut at the points on its edges: one cuts it in two, two in three, three in six around a corner."""
+    at = np.full(len(table.edges), -1)
+    at[crossings.edges] = scan.n_vertices + np.arange(len(crossings.edges))
+    faces, on_side = scan.face_vertices, at[table.face_edges]
+    count = (on_side >= 0).sum(axis=1)
+    a, b, c, p, _, _ = _turned(faces[count == 1], on_side[count == 1], on_side[count == 1] >= 0)
+    halves = [[a, p, c], [p, b, c]]
+    a, b, c, _, q, r = _turned(faces[count == 2], on_side[count == 2], on_side[count == 2] < 0)
+    thirds = [[q, c, r], [a, b, q], [a, q, r]]
+    cut = count == 3
+    x = scan.vertices[faces[cut]]
+    middle = crossings.points[on_side[cut] - scan.n_vertices].mean(axis=1)
+    corner = _nearest_on_planes(middle, sides.through[faces[cut]], sides.normals[faces[cut]])
+    size = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
+    corner = np.where((np.linalg.norm(corner - middle, axis=1) <= size)[:, None], corner, middle)
+    m = scan.n_vertices + len(crossings.edges) + np.arange(len(corner))
+    (a, b, c), (p, q, r) = faces[cut].T, on_side[cut].T
+    sixths = [[a, p, m], [p, b, m], [b, q, m], [q, c, m], [c, r, m], [r, a, m]]
+    pieces = [np.stack(piece, axis=1) for piece in (*halves, *thirds, *sixths)]
+    vertices = np.concatenate([scan.vertices, crossings.points, corner])
+    return TriangleMesh(vertices, np.concatenate([faces[count == 0], *pieces]), scan.name)
+
+
+def _turned(faces: Ints, on_side: Ints, first: Bools) -> tuple[Ints, ...]:
+    """Corners a, b, c and what is on the sides ab, bc, ca, turned so that the side marked `first` (m, 3) is ab."""
+    turn = (np.argmax(first, axis=1)[:, None] + np.arange(3)) % 3
+    return (*np.take_along_axis(faces, turn, axis=1).T, *np.take_along_axis(on_side, turn, axis=1).T)
+
+
+def _bent_edges(mesh: TriangleMesh, angle: float) -> Ints:
+    """(m, 2) the edges whose two faces stand at this angle to each other, or a larger one."""
+    table = edge_table(mesh.face_vertices)
+    edge, face = table.edge_faces()
+    pair = np.flatnonzero(edge[1:] == edge[:-1])
+    normals = _unit(mesh.area_vectors())
+    bent = np.einsum("ij,ij->i", normals[face[pair]], normals[face[pair + 1]]) < np.cos(angle)
+    return table.edges[edge[pair[bent]]]
+
+
+def _all_around(corners: Bools, faces: Ints, n: int) -> Bools:
+    """(n,) whether something holds at all face corners (F, 3) that meet in a vertex."""
+    return np.bincount(faces.ravel(), ~corners.ravel(), n) == 0
+
+
+def _gathered(vectors: Floats, faces: Ints, n: int) -> Floats:
+    """(n, 3) for every vertex the sum over the faces around it."""
+    return _added(np.repeat(vectors, 3, axis=0), faces.ravel(), n)
+
+
+def _added(rows: Floats, at: Ints, n: int) -> Floats:
+    """(n, k) the sums of the rows (m, k) with the same number `at` (m,)."""
+    return np.stack([np.bincount(at, column, n) for column in rows.T], axis=1)
+
+
+def _unit(vectors: Floats) -> Floats:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
