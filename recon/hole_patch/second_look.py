@@ -35,7 +35,7 @@ Flags = NDArray[np.bool_]
 BESIDE = 2.0  # thicknesses from the hole's edge within which faces are looked at again
 ALIKE = 0.9  # of the wall farther off is less deep, and less deep and steep; cracks misread there are a few hundredths
 ABOVE, DEEPER = 3.0, 1.5  # times that is fracture: depth times slope of a face, depth of one face in every group
-LEAST, DEEP = 0.05, 0.1  # the same in thicknesses, where the wall is smooth: the sheet is off a little, too
+LEAST, DEEP = 0.03, 0.1  # the same in thicknesses, where the wall is smooth: the sheet is off a little, too
 LEVEL = 0.3  # slope of what lies beside the sheet
 UNDER = 0.75  # of a group's area lie under the sheet
 STEEPEST = 10.0  # slope of what is square to the sheet, or overhangs
@@ -104,7 +104,7 @@ def misread_faces(fit: WallFit, axis: Axis, reading: Reading, on_wall: Flags, *,
     steep = beside & (down > max(ABOVE * usual, LEAST * thickness))
     if not steep.any():
         return none
-    level = (np.abs(depth) < 0.5 * LEAST * thickness) & (slope < LEVEL)
+    level = (np.abs(depth) < LEAST * thickness) & (slope < LEVEL)
     share = _spread(table, normals, on_wall, walls[steep], walls[level & ~steep])
     found, deeps = none.copy(), np.full(table.n_faces, -np.inf)
     found[walls[beside]] = share[walls[beside]] < 0.5

@@ -76,7 +76,7 @@ def test_closed_sherds_give_one_closed_solid_in_every_format(vessel, mended):
     assert room["gap"]["overlap"] < 0.03 and room["gap"]["min"] < 0.5
     assert room["gap"]["min"] == min(n["gap"]["min"] for n in room["neighbours"])
     assert room["gap"]["overlap"] == pytest.approx(sum(n["overlap"]["share"] for n in room["neighbours"]))
-    assert room["gap"]["usual"] == pytest.approx(0.0, abs=0.4) and room["gap"]["usual"] >= room["gap"]["min"]
+    assert room["gap"]["usual"] == pytest.approx(0.0, abs=0.5) and room["gap"]["usual"] >= room["gap"]["min"]
     assert room["collision_free"] or any(n["holds"] for n in room["neighbours"])
     inward = -vessel.lost.vertices.mean(axis=0)[:2]
     assert np.dot(room["insert_direction"][:2], inward) > 0  # from outside, toward the vessel's axis
