@@ -28,6 +28,7 @@ from recon.hole_patch.hole import Hole
 from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.relief import ReliefSheet, continue_relief
 from recon.hole_patch.rim_check import check_rim_piece
+from recon.hole_patch.second_look import look_again
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.sherds import Reading, read_sherds, separate, surroundings_in, what_was_found
@@ -258,7 +259,12 @@ def _attempt(number: int, found: HolesFound, options: PatchOptions, doing: Calla
 def _piece(found: HolesFound, options: PatchOptions, doing: Callable[[str], None]) -> MissingPiece:
     near = None if options.picks is None else options.picks.mean(axis=0)
     around = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
+    around, misread = look_again(found.reading, around, pass_band=options.pass_band)
     method, notes = _road(around, options)
+    if misread:
+        notes += (
+            f"{misread} faces beside the hole lie too deep under the wall to be wall: they were taken for fracture.",
+        )
     notes += () if found.settling is None else (found.settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)
