@@ -59,10 +59,9 @@ class Trial:
 
 def mend(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any], tuple[str, ...]]:
     """Job: make the vessel of a seed, find its missing piece, build it, draw the gate's lines on it, measure it."""
-    from brep_export.app.patch_job import TOLERANCE, kernel_piece
-    from brep_export.check import check
+    from brep_export.app.patch_job import built
     from brep_export.triangulation import triangulate
-    from recon.hole_patch.pipeline import PatchOptions, patch_hole
+    from recon.hole_patch.pipeline import PatchOptions, patch_readings
     from vessels.cases import DEFLECTION, deviation, outer_face
 
     lot = draw(request["seed"])
@@ -70,9 +69,8 @@ def mend(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any]
     vessel = chance_vessel(lot)
     options = PatchOptions(thickness=vessel.thickness if lot.outer_only else None)
     with bench.phase("patch", "finding the piece"):
-        piece = patch_hole(vessel.sherds, options, doing=bench.doing)
-        shape, kind = kernel_piece(piece)
-        report = check(shape, TOLERANCE, expect=kind)
+        found = built(patch_readings(vessel.sherds, options, doing=bench.doing), bench)
+    piece, shape, report = found.piece, found.shape, found.report
     if report.defects:
         return Exit.REFUSED, {}, tuple(f"gate: {defect}" for defect in report.defects)
     bench.doing("measuring")

@@ -26,7 +26,7 @@ from recon.hole_patch.surroundings import Axis, Surroundings
 from recon.hole_patch.walls import INNER, OUTER, depths_in_wall, spread
 from recon.hole_patch.wheel_sheet import WallFit, fit_wall
 
-__all__ = ["look_again", "misread_faces"]
+__all__ = ["LEASTS", "look_again", "misread_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,7 +35,12 @@ Flags = NDArray[np.bool_]
 BESIDE = 2.0  # thicknesses from the hole's edge within which faces are looked at again
 ALIKE = 0.9  # of the wall farther off is less deep, and less deep and steep; cracks misread there are a few hundredths
 ABOVE, DEEPER = 3.0, 1.5  # times that is fracture: depth times slope of a face, depth of one face in every group
-LEAST, DEEP = 0.03, 0.1  # the same in thicknesses, where the wall is smooth: the sheet is off a little, too
+LEASTS = (
+    0.05,
+    0.03,
+    np.inf,
+)  # the same in thicknesses, where the wall is smooth: the sheet is off a little, too; in turn
+DEEP = 0.1  # thicknesses, at least, that a face of a break reaches down
 LEVEL = 0.3  # slope of what lies beside the sheet
 UNDER = 0.75  # of a group's area lie under the sheet
 STEEPEST = 10.0  # slope of what is square to the sheet, or overhangs
@@ -44,25 +49,28 @@ MOST = 0.3  # of the wall looked at: where more seems fracture, the sheet is wro
 BELIEF, READ = 1.0, 0.02  # in what the sheet says of a face, and in what was read of it
 
 
-def look_again(reading: Reading, around: Surroundings, *, pass_band: float) -> tuple[Surroundings, int]:
-    """The surroundings of a hole between closed sherds, fracture that was taken for wall put right; and the number of
-    such faces.
+def look_again(
+    reading: Reading, around: Surroundings, *, pass_band: float, least: float = LEASTS[0]
+) -> tuple[Surroundings, Flags]:
+    """The surroundings of a hole between closed sherds, fracture taken for wall put right; and (F,) such faces.
 
     reading    of the sherds, and around, the hole as it was found in it
     pass_band  as of `surroundings_in`
+    least      thicknesses times slope from which on a face may be fracture; one of LEASTS, no one of which is right for
+               all breaks
     Promises   the surroundings as they were where nothing was misread, or where no sheet can be laid over the hole.
     """
-    misread = _misread(reading, around)
+    misread = np.zeros(reading.table.n_faces, dtype=bool) if np.isinf(least) else _misread(reading, around, least)
     if not misread.any():
-        return around, 0
+        return around, misread
     middle = around.outer.edge.points.mean(axis=0)
     try:
-        return surroundings_in(with_fracture(reading, misread), near=middle, pass_band=pass_band), int(misread.sum())
+        return surroundings_in(with_fracture(reading, misread), near=middle, pass_band=pass_band), misread
     except NoHole:
-        return around, 0
+        return around, np.zeros_like(misread)
 
 
-def _misread(reading: Reading, around: Surroundings) -> Flags:
+def _misread(reading: Reading, around: Surroundings, least: float) -> Flags:
     found = np.zeros(reading.table.n_faces, dtype=bool)
     if around.axis is None or not reading.closed.all():
         return found
@@ -75,11 +83,13 @@ def _misread(reading: Reading, around: Surroundings) -> Flags:
         except NoSurface:
             continue
         on_wall = np.isin(reading.labels, labels)
-        found |= misread_faces(fit, around.axis, reading, on_wall, inward=inward)
+        found |= misread_faces(fit, around.axis, reading, on_wall, inward=inward, least=least)
     return found
 
 
-def misread_faces(fit: WallFit, axis: Axis, reading: Reading, on_wall: Flags, *, inward: float) -> Flags:
+def misread_faces(
+    fit: WallFit, axis: Axis, reading: Reading, on_wall: Flags, *, inward: float, least: float = LEASTS[0]
+) -> Flags:
     """(F,) faces read as wall beside the hole that are fracture.
 
     fit        of the wall
@@ -87,6 +97,7 @@ def misread_faces(fit: WallFit, axis: Axis, reading: Reading, on_wall: Flags, *,
     on_wall    (F,) faces that were read as this wall
     inward     -1 where the material lies below the sheet, as on outer walls and over the lip, 1 where above, as on the
                inner one
+    least      as of `look_again`
     """
     table, normals, thickness = reading.table, reading.normals, reading.thickness
     none = np.zeros(table.n_faces, dtype=bool)
@@ -101,10 +112,10 @@ def misread_faces(fit: WallFit, axis: Axis, reading: Reading, on_wall: Flags, *,
     depth = np.where(depth < DEEPEST * thickness, depth, 0.0)
     down = np.maximum(depth, 0.0) * slope
     usual, deepest = (_usual(x[~beside]) for x in (down, depth))
-    steep = beside & (down > max(ABOVE * usual, LEAST * thickness))
+    steep = beside & (down > max(ABOVE * usual, least * thickness))
     if not steep.any():
         return none
-    level = (np.abs(depth) < LEAST * thickness) & (slope < LEVEL)
+    level = (np.abs(depth) < least * thickness) & (slope < LEVEL)
     share = _spread(table, normals, on_wall, walls[steep], walls[level & ~steep])
     found, deeps = none.copy(), np.full(table.n_faces, -np.inf)
     found[walls[beside]] = share[walls[beside]] < 0.5
