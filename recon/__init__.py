@@ -45,6 +45,7 @@ if TYPE_CHECKING:  # a name as itself says that it is exported
         list_holes as list_holes,
         patch_hole as patch_hole,
         patch_holes as patch_holes,
+        patch_readings as patch_readings,
     )
     from recon.geometric_fit.pipeline import fit_surface as fit_surface
     from recon.geometric_fit.options import FitOptions as FitOptions, FittedSurface as FittedSurface
@@ -100,7 +101,7 @@ _HOMES = {
     "recon.readers.views": "read_views",
     "recon.subdivision.limit_surface": "Scheme",
     "recon.subdivision.limit_faces": "limit_faces",
-    "recon.hole_patch.pipeline": "MissingPiece PatchOptions list_holes patch_hole patch_holes",
+    "recon.hole_patch.pipeline": "MissingPiece PatchOptions list_holes patch_hole patch_holes patch_readings",
     "recon.geometric_fit.pipeline": "fit_surface",
     "recon.geometric_fit.options": "FitOptions FittedSurface",
     "recon.geometric_fit.spline_fit": "fit_sheet",

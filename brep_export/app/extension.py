@@ -48,12 +48,12 @@ def patch(sherds: Sequence[Mesh], options: "PatchOptions | None" = None) -> cq.S
     sherds  scans in pose, in millimetres: files, meshes, or pairs of vertices (V, 3) and triangles (F, 3)
     Raises  ReconError where no piece can be found, GateFailed where it is no sound shape.
     """
-    from brep_export.app.patch_job import TOLERANCE, kernel_piece
-    from recon.hole_patch.pipeline import patch_hole
+    from brep_export.app.patch_job import built
+    from recon.hole_patch.pipeline import patch_readings
 
-    piece = patch_hole([_mesh(sherd) for sherd in sherds], options)
-    shape, kind = kernel_piece(piece)
-    return _proved(shape, TOLERANCE, kind)
+    found = built(patch_readings([_mesh(sherd) for sherd in sherds], options), _bench())
+    found.report.require()
+    return cq.Shape.cast(found.shape)
 
 
 def fit(scan: Mesh, options: "FitOptions | None" = None, *, angle_deg: float = 0.1) -> cq.Shape:

@@ -73,7 +73,7 @@ def patch(
     settle: Annotated[
         bool,
         typer.Option(
-            "--settle/--no-settle", help="First settle the sherds against each other, by at most 0.5 mm and 0.5°."
+            "--settle/--no-settle", help="First settle the sherds against each other, by at most 0.75 mm and 0.75°."
         ),
     ] = True,
     relief: Annotated[
