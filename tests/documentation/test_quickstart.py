@@ -11,6 +11,7 @@ from pages import DOCS, blocks
 
 from recon.hole_patch.sample_vessel import VesselOptions
 
+CADQUERY = blocks(DOCS / "for-cad-users.md", "python")
 BLOCKS = blocks(DOCS / "quickstart.md", "python")
 TITLES = re.findall(r"^## (\w+)", (DOCS / "quickstart.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
 
@@ -42,3 +43,12 @@ def test_a_block_has_ten_lines_at_most_and_runs(block, inputs, monkeypatch):
     made = set(Path.cwd().iterdir()) - before
     assert made and all(path.stat().st_size > 0 for path in made)
     assert {path.suffix for path in made} <= {".step", ".stl"}
+
+
+def test_the_block_for_cadquery_makes_one_solid(inputs, monkeypatch):
+    (block,) = CADQUERY
+    monkeypatch.chdir(inputs)
+    names: dict[str, object] = {}
+    exec(compile(block, "for-cad-users", "exec"), names)
+    bracket, part = names["bracket"], names["part"].val()
+    assert len(part.Solids()) == 1 and part.isValid() and 0 < part.Volume() < bracket.Volume()
