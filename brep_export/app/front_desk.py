@@ -51,7 +51,7 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
         outcome = Outcome(Exit.BAD_INPUT, reasons=(str(problem),))
     except KeyboardInterrupt:
         outcome = Outcome(Exit.INTERRUPTED, reasons=("interrupted; nothing was written.",))
-    result = outcome.result or refusal(command, request["inputs"], outcome.reasons)
+    result = outcome.result or refusal(command, request["inputs"], outcome.reasons, cause=outcome.cause)
     if outcome.result is None:
         _complain(command, outcome, request["debug"])
     if as_json:
