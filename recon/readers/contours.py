@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from recon.errors import BadGeometry, BadOption, UnreadableFile
 from recon.geometry.contour_map import ContourMap
 from recon.readers.content import file_text, require_plain_file
+from recon.readers.dxf_documents import damaged_dxf_refused, dxf_document
 
 __all__ = ["CONTOUR_ENDINGS", "read_contours"]
 
@@ -59,13 +60,11 @@ def read_contours(path: str | Path, *, attribute: str | None = None, unit: str |
 
 def _dxf(path: Path, unit: str | None) -> tuple[list[Floats], list[float], str, str]:
     """Polylines of a drawing and the unit they are in: the one given, or the header's where that is a map's."""
-    from ezdxf import recover
-    from ezdxf.lldxf.const import DXFError
+    with damaged_dxf_refused(str(path)):
+        return _dxf_lines(dxf_document(str(path)), path, unit)
 
-    try:
-        drawing, _ = recover.readfile(path)
-    except (OSError, DXFError, ValueError, UnicodeDecodeError) as problem:
-        raise UnreadableFile(str(path), f"is no DXF drawing ({problem})") from problem
+
+def _dxf_lines(drawing: Any, path: Path, unit: str | None) -> tuple[list[Floats], list[float], str, str]:
     header = DXF_UNITS.get(int(drawing.header.get("$INSUNITS", 0)), "m")
     if unit is None and header not in METRES:
         raise UnreadableFile(
