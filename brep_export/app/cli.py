@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from brep_export.app.commands.batch import batch
 from brep_export.app.commands.check import check
 from brep_export.app.commands.curve import curve
 from brep_export.app.commands.demo import demo
@@ -19,7 +20,7 @@ from recon.version import __version__
 
 __all__ = ["app", "main"]
 
-COMMANDS = (patch, fit, curve, terrain, voxels, views, check, demo, formats)
+COMMANDS = (patch, fit, curve, terrain, voxels, views, check, batch, demo, formats)
 
 app = typer.Typer(
     name="recon",

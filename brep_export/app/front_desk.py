@@ -20,7 +20,7 @@ from brep_export.app.progress import shown_progress
 from brep_export.app.report import write_report
 from brep_export.app.result import refusal, summary
 from brep_export.app.workshop import Exit, Outcome, run
-from recon.errors import InputError
+from recon.errors import InputError, ReconError
 
 __all__ = ["answer"]
 
@@ -47,11 +47,12 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
         check_destinations(request)
         work = partial(_watched, job, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)
         outcome = work(request) if request.get("report") is None else _with_report(work, request)
-    except InputError as problem:
-        outcome = Outcome(Exit.BAD_INPUT, reasons=(str(problem),))
+    except ReconError as problem:
+        status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
+        outcome = Outcome(status, reasons=(str(problem),))
     except KeyboardInterrupt:
         outcome = Outcome(Exit.INTERRUPTED, reasons=("interrupted; nothing was written.",))
-    result = outcome.result or refusal(command, request["inputs"], outcome.reasons)
+    result = outcome.result or refusal(command, request["inputs"], outcome.reasons, cause=outcome.cause)
     if outcome.result is None:
         _complain(command, outcome, request["debug"])
     if as_json:

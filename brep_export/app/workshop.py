@@ -8,7 +8,8 @@
        clean-up list    <--- ("staged", path) ----   a temporary file exists from now on
        Outcome          <--- ("done", dict) ------   or ("refused", ...) or ("bad input", ...)
 
-Whatever ends the workshop early, the front desk removes the temporary files that it was told of.
+Whatever ends the workshop early, the front desk removes the temporary files that it was told of.  Where the front desk
+itself is killed, the workshop ends with it.
 """
 
 import importlib
@@ -25,6 +26,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from brep_export.app.orphans import die_with_parent
 from recon.errors import InputError, ReconError
 
 __all__ = ["Bench", "Exit", "Outcome", "run"]
@@ -47,12 +49,14 @@ class Outcome:
     result   the JSON object of the command, or None where nothing could be said but `reasons`
     reasons  why it was refused, one sentence each
     trace    where a fault of our own was raised, for a report to the authors
+    cause    `timeout`, `crash`, `memory` or `fault` where the work broke off, and might do better at another time
     """
 
     status: Exit
     result: dict[str, Any] | None = None
     reasons: tuple[str, ...] = ()
     trace: str = ""
+    cause: str = ""
 
 
 @dataclass
@@ -160,12 +164,13 @@ def _listen(
 
 def _late(step: str, timeout: float | None) -> Outcome:
     reason = f"stopped after {timeout:g} s while {step}; nothing was written. Allow more time with --timeout."
-    return Outcome(Exit.REFUSED, reasons=(reason,))
+    return Outcome(Exit.REFUSED, reasons=(reason,), cause="timeout")
 
 
 def _crashed(step: str, exitcode: int | None) -> Outcome:
     name = signal.Signals(-exitcode).name if exitcode is not None and exitcode < 0 else f"exit status {exitcode}"
-    return Outcome(Exit.REFUSED, reasons=(f"the work broke off while {step} ({name}); nothing was written.",))
+    reason = f"the work broke off while {step} ({name}); nothing was written."
+    return Outcome(Exit.REFUSED, reasons=(reason,), cause="crash")
 
 
 def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
@@ -177,6 +182,7 @@ def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
     # matrices are small here: threads of the linear algebra library wait for each other far longer than they work
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent()
     bench = Bench(pipe.send, frozenset(request.get("silence") or ()))
     try:
         module, function = job.split(":")
@@ -185,11 +191,12 @@ def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
         status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
         outcome = Outcome(status, reasons=(str(problem),))
     except MemoryError:
-        outcome = Outcome(Exit.REFUSED, reasons=("not enough memory for this input; nothing was written.",))
+        reason = "not enough memory for this input; nothing was written."
+        outcome = Outcome(Exit.REFUSED, reasons=(reason,), cause="memory")
     except Exception as fault:  # noqa: BLE001 - the last door: a fault of our own must still end in a sentence
         place = traceback.extract_tb(fault.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
         reason = f"a fault in recon-brep itself ({type(fault).__name__}: {fault}; {where})"
-        outcome = Outcome(Exit.REFUSED, reasons=(reason,), trace=traceback.format_exc())
+        outcome = Outcome(Exit.REFUSED, reasons=(reason,), trace=traceback.format_exc(), cause="fault")
     pipe.send(("outcome", outcome))
     pipe.close()

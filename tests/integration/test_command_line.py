@@ -30,7 +30,7 @@ def assert_one_sentence(run, status=2):
     assert run.stdout == ""
 
 
-@pytest.mark.parametrize("words", [[], ["patch"], ["check"], ["demo"], ["views"]], ids=str)
+@pytest.mark.parametrize("words", [[], ["patch"], ["check"], ["batch"], ["demo"], ["views"]], ids=str)
 def test_help_answers_without_loading_anything_heavy(words):
     probe = (
         "import sys; from brep_export.app.cli import app\n"
