@@ -34,6 +34,9 @@ FIT = 0.05  # voxels: how far edges may lie from their faces
 DEFLECTION = 0.01  # voxels: of the triangles that are compared with the grid
 DEEPEST = 0.5  # voxels: a centre farther on the wrong side than this is a feature that was missed
 SAME = 0.03  # voxels: a grid made from triangles has its own centres on the wrong side of round faces by this much
+FEW = (
+    0.005  # of the steps from voxel to voxel across the surface may have such centres; a whole face of them is too much
+)
 PROBES = 20_000
 
 
@@ -120,8 +123,10 @@ def _snapped(part: AnalyticPart, snap: float | None, bench: Bench) -> Built | No
     except NoSolid as problem:
         bench.note(f"not snapped: {problem}", name="not-snapped")
         return None
-    if built[3].deepest > SAME:
-        changed = f"{built[3].centres} voxels would change sides, one by {built[3].deepest:.2f} voxels"
+    wrong, solid = built[3], part.grid.solid
+    steps = sum(np.count_nonzero(np.diff(solid, axis=axis)) for axis in range(3))
+    if wrong.deepest > SAME or wrong.centres > FEW * steps:
+        changed = f"{wrong.centres} voxels would change sides, one by {wrong.deepest:.2f} voxels"
         bench.note(f"not snapped: {changed}", name="not-snapped")
         return None
     return built

@@ -59,6 +59,17 @@ def test_snapped_true_faces_hit_the_round_sizes_of_a_block(tmp_path):
     assert offsets == pytest.approx([4, 4, 5, 5, 6, 6])
 
 
+def test_a_face_is_not_snapped_onto_the_centres_of_voxels(tmp_path):
+    solid = np.zeros((40, 36, 32), dtype=bool)
+    solid[5:35, 5:31, 5:27] = True
+    np.savez(tmp_path / "grid.npz", voxels=solid, spacing=np.ones(3), origin=np.zeros(3))
+    run = recon("voxels", tmp_path / "grid.npz", "--analytic", "--snap", "1", "-o", tmp_path / "part.step", "--json")
+    answer = json.loads(run.stdout)
+    assert (run.returncode, answer["verdict"]) == (0, "pass"), run.stderr
+    assert any("not snapped" in note for note in answer["notes"])
+    assert answer["room"]["voxels_on_wrong_side"] == 0
+
+
 @pytest.mark.parametrize(
     ("options", "word"),
     [
