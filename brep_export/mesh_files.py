@@ -1,6 +1,6 @@
 """Triangles in files: STL and 3MF for printing, GLB for looking at.
 
-STL   binary, 32-bit coordinates, no unit: the numbers are the model's own
+STL   binary, 32-bit coordinates; it names no unit, and printing programs take its numbers for millimetres: so they are
 3MF   a zip package with the unit inside; millimetres, or what the header says
 GLB   in metres and with +Y up, as its specification wants [gltf2]: (x, y, z) -> (x, z, -y), scaled from the unit
 """
@@ -56,11 +56,12 @@ def _write_stl(mesh: TriangleMesh, path: Path, header: FileHeader) -> float:
     normals = mesh.area_vectors()
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     records["normal"] = normals / np.where(length > 0.0, length, 1.0)
-    records["corners"] = mesh.corners()
+    scale = 1000.0 * header.unit.in_metres
+    records["corners"] = scale * mesh.corners()
     # a header that begins with `solid` is taken for the text form
     title = f"{ORIGIN} {header.name}".encode("ascii", "replace")[:80].ljust(80)
     path.write_bytes(title + np.uint32(mesh.n_faces).tobytes() + records.tobytes())
-    return 1.0
+    return scale
 
 
 _THREE_MF_UNITS = {LengthUnit.MILLIMETRE: "millimeter", LengthUnit.METRE: "meter", LengthUnit.INCH: "inch"}

@@ -65,6 +65,13 @@ def test_an_open_mesh_far_from_the_origin_reads_back_the_same(tmp_path, ending):
     assert write_mesh(TriangleMesh(far, [[0, 1, 2], [0, 3, 1], [1, 4, 2]]), tmp_path / f"open{ending}").same
 
 
+def test_stl_is_written_in_the_millimetres_that_printing_programs_take_it_for(tmp_path: Path) -> None:
+    header = FileHeader(unit=LengthUnit.METRE)
+    assert write_mesh(MESHES["box"], tmp_path / "part.stl", header=header).same
+    extent = np.ptp(trimesh.load(tmp_path / "part.stl").vertices, axis=0)
+    np.testing.assert_allclose(extent, 1000.0 * np.ptp(MESHES["box"].vertices, axis=0), rtol=1e-6)
+
+
 def test_glb_holds_the_colours_of_its_vertices(tmp_path: Path) -> None:
     mesh, path = MESHES["box"], tmp_path / "part.glb"
     colours = np.column_stack([np.arange(3 * mesh.n_vertices).reshape(-1, 3), np.full(mesh.n_vertices, 255)])
