@@ -7,7 +7,7 @@ READY  := $(VENV)/.ready
 PAGES  := $(VENV)/.pages
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo inputs test test-all lint bench pictures docs clean
+.PHONY: help setup demo inputs test test-all lint bench robustness pictures docs clean
 
 help:
 	@echo "make demo      set up, rebuild the missing sherd of a broken vessel, name the files written"
@@ -16,6 +16,7 @@ help:
 	@echo "make test-all  the tests with the long ones"
 	@echo "make lint      formatting, lint, types"
 	@echo "make bench     benchmarks, as tables"
+	@echo "make robustness  how many varied and damaged inputs pass, are refused, or come out wrong"
 	@echo "make pictures  the pictures of the README and of the documentation"
 	@echo "make docs      the documentation, into site/"
 
@@ -49,6 +50,9 @@ lint: $(READY)
 
 bench: $(READY)
 	@for table in benchmarks/*.py; do $(BIN)/python $$table || exit 1; echo; done
+
+robustness: $(READY)
+	@for table in benchmarks/*robustness*.py benchmarks/damaged_inputs.py; do $(BIN)/python $$table || exit 1; echo; done
 
 pictures: $(READY)
 	$(BIN)/python docs/make_pictures.py

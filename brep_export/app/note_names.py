@@ -26,6 +26,7 @@ NOTES = (
     "several-solids",
     "limit",
     "repaired",
+    "trimmed",
 )
 
 

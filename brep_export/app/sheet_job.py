@@ -52,7 +52,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any],
     with bench.phase("read", "reading the scan"):
         file = read_mesh(request["inputs"][0], unit=request["unit"])
     for note in file.notes:
-        bench.note(f"{request['inputs'][0]}: {note}")
+        bench.note(f"{request['inputs'][0]}: {note}", name="reading")
     options = SplineOptions(
         kind=SplineKind(request["surface"]),
         degree=request["degree"],
@@ -68,7 +68,8 @@ def fit(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any],
     if fitted.folds:
         bench.note(
             f"the surface folds at {fitted.folds} control points: the scan is stretched {fitted.stretch:.1f} times "
-            "to be unrolled, and --surface loop does not unroll it."
+            "to be unrolled, and --surface loop does not unroll it.",
+            name="folds",
         )
     kernel, reasons, written = _shape_written(file.mesh, fitted, request, bench)
     answer = result(
@@ -114,9 +115,13 @@ def _made(fitted: FittedSheet, request: Mapping[str, Any], bench: Bench) -> Made
     tolerance = Tolerance(merge=MERGE * size, fit=FIT * size, angle=radians(request["angle"]))
     trimmed = trimmed_sheet(fitted, with_holes=not close)
     if trimmed.loops:
-        bench.note(f"the face is cut along the borders of the scan, within {trimmed.off:.2g} mm of them.")
+        bench.note(
+            f"the face is cut along the borders of the scan, within {trimmed.off:.2g} mm of them.", name="trimmed"
+        )
     if trimmed.n_lost:
-        bench.note(f"{trimmed.n_lost} holes of the scan are too narrow to be cut out of the face.")
+        bench.note(
+            f"{trimmed.n_lost} holes of the scan are too narrow to be cut out of the face.", name="hole-left-out"
+        )
     if fitted.sheet.kind is ScanKind.DISC:
         shape = trimmed_shell(TrimmedSurface(trimmed.surface, trimmed.loops), tolerance)
         return Made(shape, ShapeKind.SHELL, tolerance)
@@ -127,7 +132,9 @@ def _made(fitted: FittedSheet, request: Mapping[str, Any], bench: Bench) -> Made
         return Made(network_shell(connect([trimmed.surface], tolerance.merge), tolerance), ShapeKind.SHELL, tolerance)
     caps = end_caps(trimmed.surface) if fitted.sheet.kind is ScanKind.CYLINDER else ()
     if caps:
-        bench.note("both ends of the tube are closed by a cone to the middle of the rim, as asked.")
+        bench.note(
+            "both ends of the tube are closed by a cone to the middle of the rim, as asked.", name="closed-holes"
+        )
     network = connect([trimmed.surface, *caps], tolerance.merge)
     return Made(network_solid(network, tolerance), ShapeKind.SOLID, tolerance)
 
