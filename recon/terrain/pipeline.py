@@ -24,7 +24,7 @@ from recon.terrain.levels import levels
 from recon.terrain.limiter import limited_jets
 from recon.terrain.merging import PatchLayout, is_folded, merged_layout, plan_sides, triangle_layout
 from recon.terrain.patches import PatchNets
-from recon.terrain.resampling import fit_contours, point_spacing
+from recon.terrain.resampling import contour_samples, fit_contours, point_spacing
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
 from recon.terrain.slopes import vertex_slopes
 from recon.terrain.tiling import CurvesMeet, Tiling, tile, with_free_vertices
@@ -166,10 +166,11 @@ def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
 def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
     """The tiling of curves that do not meet; where they did, the fit is repeated with less room."""
     tight = np.empty((0, 2))
-    step = BORDER_STEP * point_spacing(contours)
+    samples = contour_samples(contours)
+    step = BORDER_STEP * samples.spacing
     for attempt in range(REFITS):
         allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
-        curves = _supple(fit_contours(contours, allowed, tight), allowed)
+        curves = _supple(fit_contours(samples, allowed, tight), allowed)
         try:
             tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
             return _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin))
