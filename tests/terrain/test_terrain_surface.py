@@ -127,10 +127,9 @@ def test_a_tolerance_has_to_be_positive(tolerance):
 
 
 def test_a_contour_that_only_touches_on_the_border_cuts_no_ground_off():
-    t = np.linspace(0.0, np.pi, 12)
-    arc = np.column_stack([300 + 25 * np.cos(t), 6 * np.sin(t)])
-    arc[[0, -1], 1] = 0.0
-    lines = [arc, *(np.array([[0.0, y], [300.0, y + 5], [600.0, y]]) for y in (60.0, 120.0, 180.0))]
+    x = np.linspace(0.0, 600.0, 31)
+    arc = np.array([[276.0, 0.0], [300.0, 5.0], [324.0, 0.0]])
+    lines = [arc, *(np.column_stack([x, y + 5 * np.sin(x / 90)]) for y in (60.0, 120.0, 180.0))]
     ground = terrain_surface(ContourMap(lines, [10.0, 20.0, 30.0, 40.0], [[0.0, 0.0], [600.0, 240.0]]))
     points, faces = sampled_triangles(ground, 6)
     a, b, c = (points[faces[:, k], :2] for k in range(3))
