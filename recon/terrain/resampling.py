@@ -161,13 +161,24 @@ def _densified(line: Floats, ring: bool, widest: float) -> tuple[Floats, Floats,
 
 
 def _way_to_another_strand(points: Floats, parameter: Floats, weight: Floats, contour: Ints) -> Floats:
-    """(m,) distance of every sample to the nearest one on another contour, or on another bend of its own."""
-    distance, other = cKDTree(points).query(points, k=min(NEIGHBOURS, len(points)))
-    along = np.abs(parameter[other] - parameter[:, None])
-    length = np.bincount(contour, weight)[contour][:, None]
-    along = np.minimum(along, np.abs(length - along))  # wrong for open contours, whose ends only come to be own strand
-    strange = (contour[other] != contour[:, None]) | (along > BEND * distance)
-    return np.asarray(np.where(strange, distance, np.inf).min(axis=1))
+    """(m,) distance of every sample to the nearest leg of another contour, or of another bend of its own."""
+    m = len(points)
+    _, near = cKDTree(points).query(points, k=min(NEIGHBOURS, m))
+    length = np.bincount(contour, weight)[contour]
+    way = np.full(m, np.inf)
+    for begin, end in ((near, np.minimum(near + 1, m - 1)), (np.maximum(near - 1, 0), near)):
+        end = np.where(contour[begin] == contour[end], end, begin)
+        leg = points[end] - points[begin]
+        off = points[:, None] - points[begin]
+        share = np.einsum("mkd,mkd->mk", off, leg) / np.maximum(np.einsum("mkd,mkd->mk", leg, leg), 1e-300)
+        share = np.clip(share, 0.0, 1.0)
+        distance = np.linalg.norm(off - share[..., None] * leg, axis=2)
+        foot = parameter[begin] + share * (parameter[end] - parameter[begin])
+        along = np.abs(foot - parameter[:, None])
+        along = np.minimum(along, np.abs(length[:, None] - along))  # an open contour's ends come to be own strand
+        strange = (contour[begin] != contour[:, None]) | (along > BEND * np.maximum(distance, 1e-12))
+        way = np.minimum(way, np.where(strange, distance, np.inf).min(axis=1))
+    return way
 
 
 def _tightened(samples: ContourSamples, allowed: Floats, places: Floats) -> Floats:
