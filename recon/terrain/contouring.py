@@ -13,7 +13,7 @@ __all__ = ["contour_grid", "contour_levels"]
 
 Floats = NDArray[np.float64]
 
-CLEAR = 0.05  # of the steepest step to a neighbour: no nearer to a level may a height be, or contours meet at the place
+CLEAR = 0.1  # of the steepest step to a neighbour: no nearer to a level may a height be, or contours meet at the place
 
 
 def contour_grid(grid: HeightGrid, interval: float) -> ContourMap:
@@ -42,7 +42,7 @@ def contour_levels(grid: HeightGrid, levels: Sequence[float]) -> ContourMap | No
     """Contours of a grid at the given heights, None where it has none; cells beside a void have none.
 
     Heights near a level, or on it, would make contours touch at grid points: they are moved away from it, which moves
-    no contour by more than a twentieth of a cell.
+    no contour by more than a tenth of a cell.
     """
     masked = np.ma.masked_invalid(_off_levels(grid.heights, np.asarray(levels, dtype=np.float64)))
     maker = contourpy.contour_generator(grid.x, grid.y, masked, line_type=contourpy.LineType.Separate)
