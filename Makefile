@@ -4,27 +4,37 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+PAGES  := $(VENV)/.pages
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all lint bench pictures clean
+.PHONY: help setup demo inputs test test-all lint bench pictures docs clean
 
 help:
 	@echo "make demo      set up, rebuild the missing sherd of a broken vessel, name the files written"
+	@echo "make inputs    one generated input for each command, into inputs/"
 	@echo "make test      set up, run the tests"
 	@echo "make test-all  the tests with the long ones"
 	@echo "make lint      formatting, lint, types"
 	@echo "make bench     benchmarks, as tables"
-	@echo "make pictures  the pictures of the README"
+	@echo "make pictures  the pictures of the README and of the documentation"
+	@echo "make docs      the documentation, into site/"
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
+$(PAGES): $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,docs]'
+	@touch $@
+
 setup: $(READY)
 
 demo: $(READY)
 	$(BIN)/recon demo
+
+inputs: $(READY)
+	$(BIN)/python docs/make_inputs.py
 
 test: $(READY)
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
@@ -43,5 +53,8 @@ bench: $(READY)
 pictures: $(READY)
 	$(BIN)/python docs/make_pictures.py
 
+docs: $(PAGES)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
 clean:
-	rm -rf $(VENV) demo
+	rm -rf $(VENV) demo inputs site

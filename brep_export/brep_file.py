@@ -19,6 +19,10 @@ def write_brep(shape: TopoDS_Shape, path: str | Path, *, measures: ShapeMeasures
     Raises NotWritten when the kernel cannot write the file.
     """
     version = TopTools_FormatVersion.TopTools_FormatVersion_VERSION_1
-    if not BRepTools.Write_s(shape, str(path), False, False, version):
+    try:
+        written = BRepTools.Write_s(shape, str(path), False, False, version)
+    except RuntimeError:  # on a full disk the kernel fails over its own error message
+        written = False
+    if not written:
         raise NotWritten(str(path), "the kernel could not write the file")
     return compare(measures or measure(shape), measure(read_cad(path)))

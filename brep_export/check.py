@@ -77,7 +77,7 @@ class CheckReport:
 
     defects        every broken line, each with its place
     max_gap        largest distance between an edge and its faces or vertices
-    max_edge_angle radians, between tangent planes along inner edges, sharp ones too
+    max_edge_angle  radians, between tangent planes along inner edges, sharp ones too
     max_smooth_edge_angle  the same along those that the shape says are smooth; None where it says so of none
     triangulation  the triangles of the shape, for pictures and mesh files
     free_edges     polylines of the edges with one face

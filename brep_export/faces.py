@@ -30,12 +30,13 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Ve
 from brep_export.curves import kernel_pcurve, smooth_stretches
 from brep_export.surfaces import kernel_surface
 from recon.errors import NoSurface
-from recon.geometry.bspline import BSplineCurve
+from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.trimmed import TrimLoop, TrimmedSurface
 from recon.tolerance import Tolerance
 
 __all__ = [
     "trimmed_face",
+    "loop_wire",
     "KERNEL_TOLERANCE",
     "make_vertex",
     "make_edge",
@@ -72,17 +73,16 @@ def trimmed_face(trimmed: TrimmedSurface, tolerance: Tolerance) -> TopoDS_Face:
     Raises    NoSurface when the kernel finds no such curve; BadGeometry when it cannot hold the surface.
     """
     surface = kernel_surface(trimmed.surface)
-    return make_face(surface, [make_wire(_loop_edges(trimmed, loop, surface, tolerance)) for loop in trimmed.loops])
+    return make_face(surface, [loop_wire(trimmed.surface, loop, surface, tolerance) for loop in trimmed.loops])
 
 
-def _loop_edges(
-    trimmed: TrimmedSurface, loop: TrimLoop, surface: Geom_Surface, tolerance: Tolerance
-) -> list[TopoDS_Edge]:
+def loop_wire(surface: BSplineSurface, loop: TrimLoop, on_kernel: Geom_Surface, tolerance: Tolerance) -> TopoDS_Wire:
+    """Kernel wire of a loop on a surface, which the kernel has as `on_kernel`; promises and raises as above."""
     pcurves = [stretch for pcurve in loop.pcurves for stretch in smooth_stretches(pcurve)]
-    corners = trimmed.surface.point(np.array([c.control_points[0] for c in pcurves]))
+    corners = surface.point(np.array([c.control_points[0] for c in pcurves]))
     vertices = [make_vertex(point) for point in corners]
     ends = vertices[1:] + vertices[:1]
-    return [_edge_on_surface(c, surface, v, tolerance) for c, v in zip(pcurves, zip(vertices, ends))]
+    return make_wire(_edge_on_surface(c, on_kernel, v, tolerance) for c, v in zip(pcurves, zip(vertices, ends)))
 
 
 def _edge_on_surface(

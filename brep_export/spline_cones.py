@@ -30,10 +30,10 @@ def spline_cone(face: TopoDS_Face, apex: tuple[float, float, float]) -> float | 
         kernel_surface = kernel_surface.BasisSurface()
     if not isinstance(kernel_surface, Geom_BSplineSurface):
         return None
-    if kernel_surface.IsUPeriodic() or kernel_surface.IsVPeriodic():
-        return None  # pcurves may run beyond the period, where the opened surface has nothing
     if is_whole(face, kernel_surface):
         volume = cone_volume(surface_from_kernel(kernel_surface), apex)
+    elif kernel_surface.IsUPeriodic() or kernel_surface.IsVPeriodic():
+        return None  # pcurves may run beyond the period, where the opened surface has nothing
     else:
         pcurves = _pcurves(TopoDS.Face_s(face.Oriented(_FORWARD)))
         if pcurves is None:

@@ -21,7 +21,7 @@ def staged(*paths: str | Path, announce: Callable[[Path], None] = lambda path: N
     announce  called with each temporary path before the block, for whoever must clean up when the process dies
     Promises  when the block raises, the temporary files are gone and the paths are as they were.
     Raises    NotWritten when a path is a directory or its folder is missing or closed to writing (before the block),
-              or when the block left a file unwritten.
+              when the system refused to write in the block, or when the block left a file unwritten.
     """
     targets = [Path(path) for path in paths]
     for target in targets:
@@ -36,6 +36,12 @@ def staged(*paths: str | Path, announce: Callable[[Path], None] = lambda path: N
                 raise NotWritten(str(target), "nothing came out of the writer")
         for target, written in zip(targets, temporary):
             _rename(written, target)
+    except OSError as failure:
+        if failure.errno is None:  # no word of the system, but of a library
+            raise
+        begun = [target for target, written in zip(targets, temporary) if written.exists()]
+        place = begun[-1] if begun else targets[0]
+        raise NotWritten(str(place), f"the disk refuses it ({failure.strerror})") from failure
     finally:
         for written in temporary:
             written.unlink(missing_ok=True)

@@ -52,11 +52,15 @@ class Lot:
 
 @dataclass(frozen=True, eq=False)
 class ChanceVessel:
-    """The sherds as they are given to the command, and what was lost."""
+    """The sherds as they are given to the command, and what was lost.
+
+    thickness  of the lost sherd's wall in the mean: stretched, it is no longer as thick as it was drawn
+    """
 
     sherds: tuple[TriangleMesh, ...]
     lost: TriangleMesh
     plain: TriangleMesh
+    thickness: float
 
 
 def draw(seed: int) -> Lot:
@@ -86,7 +90,17 @@ def chance_vessel(lot: Lot) -> ChanceVessel:
         lost = vessel.sherds[number]
         found = _found_again(vessel, lot)
         sherds = (*sherds[:number], *sherds[number + 1 :], found)
-    return ChanceVessel(tuple(map(lot.stretched, sherds)), lot.stretched(lost), lot.stretched(vessel.plain))
+    found = tuple(map(lot.stretched, sherds))
+    return ChanceVessel(found, lot.stretched(lost), lot.stretched(vessel.plain), _mean_thickness(lost, lot))
+
+
+def _mean_thickness(lost: TriangleMesh, lot: Lot) -> float:
+    """Twice the volume of a sherd over the area of both its walls, stretched."""
+    whole, stretched = whole_vessel(lot.options), lot.stretched(lost)
+    away = closest_points(lost.corners().mean(axis=1), whole.vertices, whole.face_vertices).distances
+    area = np.linalg.norm(stretched.area_vectors(), axis=1)
+    on_wall = away < lot.options.misplacement + 0.1 * lot.options.thickness  # a scanned sherd lies out of place
+    return 2.0 * stretched.volume() / float(area[on_wall].sum())
 
 
 def _lost_number(vessel: BrokenVessel, lot: Lot) -> int:

@@ -1,12 +1,13 @@
 """The job behind `recon check`: the gate alone, on a file of any origin."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from brep_export.app.deliver import gate
+from brep_export.app.deliver import Parcel, exhibit, gate
 from brep_export.app.result import result
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
@@ -29,6 +30,8 @@ def check_file(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str
         with bench.phase("write", "drawing"), staged(request["picture"], announce=bench.staged) as (temporary,):
             _paint(report, temporary)
         written = [request["picture"]]
+    shown = Parcel(shape, report, (), request["picture"], partial(_paint, report), title="shape")
+    exhibit(request, bench, shown.scene, [shown.painter()])
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
         "check",

@@ -8,6 +8,7 @@ from typing import Any
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.limit_shape import limit_shape
 from brep_export.app.result import result
+from brep_export.app.scene import Measured, net_part
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport
 from brep_export.control_mesh_files import CONTROL_MESH_ENDINGS
@@ -30,7 +31,8 @@ def convert(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, A
     made = limit_shape(mesh, scheme, request["angle"], bench)
     report: CheckReport = gate(made.shape, made.tolerance, made.kind, bench)
     named = {**request, "name": request["name"] or "limit surface"}
-    report, written = write_files(made.shape, report, named, bench, paint=partial(_paint, mesh, report))
+    paint, measured = partial(_paint, mesh, report), partial(_measured, mesh)
+    report, written = write_files(made.shape, report, named, bench, paint=paint, measured=measured)
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
         "fit",
@@ -43,6 +45,10 @@ def convert(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, A
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
+
+
+def _measured(mesh: ControlMesh) -> Measured:
+    return Measured([net_part("control mesh", mesh, "#777777")])
 
 
 def _paint(mesh: ControlMesh, report: CheckReport, path: Path) -> None:

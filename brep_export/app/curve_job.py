@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.lengths import tolerance_length
 from brep_export.app.result import result, statistics
+from brep_export.app.scene import Measured, line_part, point_part
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import ShapeKind
 from brep_export.wires import curve_edge
@@ -54,7 +55,8 @@ def curve(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any
         "name": request["name"] or "fitted curve",
     }
     beside = {path: partial(_write_numbers, fitted.curve) for path in numbers}
-    report, written = write_files(edge, report, files, bench, paint=partial(_paint, points, fitted), beside=beside)
+    paint, measured = partial(_paint, points, fitted), partial(_measured, points, fitted)
+    report, written = write_files(edge, report, files, bench, paint=paint, beside=beside, measured=measured)
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
         "curve",
@@ -98,6 +100,13 @@ def _write_numbers(curve: BSplineCurve, path: Path) -> None:
         "unit": "mm",
     }
     path.write_text(json.dumps(numbers), encoding="utf-8")
+
+
+def _measured(points: Floats, fitted: FittedCurve) -> Measured:
+    from brep_export.app.pictures import CLAY
+
+    given = point_part("points", points, CLAY[1], values=fitted.distances, scale="distance from the curve, mm")
+    return Measured([given, line_part("control polygon", [fitted.polygon], "#888888", shown=False)])
 
 
 def _paint(points: Floats, fitted: FittedCurve, path: Path) -> None:

@@ -1,24 +1,30 @@
 """From a kernel shape to files on disk and the JSON object: gate, writers, picture, all or nothing."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from shutil import copyfile
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
+from brep_export.app.exhibits import SCENE, length_unit, picture_name
 from brep_export.app.outputs import MESH_ENDINGS
+from brep_export.app.scene import Measured, ScenePart, shape_parts, write_scene
 from brep_export.app.workshop import Bench
 from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.file_header import FileHeader, LengthUnit
 from brep_export.outputs import Consignment, write_together
 from brep_export.read_back import ReadBack
 from brep_export.step import StepSchema
+from recon.errors import GateFailed
 from recon.tolerance import Tolerance
 
-__all__ = ["Delivery", "Parcel", "gate", "print_formats", "write_files", "write_parcels"]
+__all__ = ["Delivery", "Parcel", "exhibit", "gate", "print_formats", "write_files", "write_parcels"]
 
 Delivery = tuple[CheckReport, list[str]]
 Painter = Callable[[Path], None]
@@ -38,6 +44,8 @@ class Parcel:
     paint             draws the picture into a file
     beside            further files of the same result, each with what writes it
     colours           (V, 4) of the vertices of the report's triangles, for the formats that hold them
+    measured          what the shape was made from, for the page's view; made only where a page is asked for
+    title             what the view calls the shape
     """
 
     shape: TopoDS_Shape
@@ -47,10 +55,25 @@ class Parcel:
     paint: Painter
     beside: Mapping[str, Painter] = field(default_factory=dict)
     colours: NDArray[np.uint8] | None = None
+    measured: Callable[[], Measured] = Measured
+    title: str = "result"
 
     @property
     def others(self) -> dict[str, Painter]:
         return dict(self.beside) | ({} if self.picture is None else {self.picture: self.paint})
+
+    def scene(self) -> list[ScenePart]:
+        """What the page's view shows of it: what was measured, the shape, its edges."""
+        from brep_export.app.pictures import MADE
+
+        measured = self.measured()
+        return [*measured.parts, *shape_parts(self.title, self.shape, self.report, measured, colour=MADE)]
+
+    def painter(self) -> Painter:
+        """Draws its picture: a copy where that was drawn before."""
+        if self.picture is None or not Path(self.picture).is_file():
+            return self.paint
+        return partial(copyfile, self.picture)
 
 
 def write_files(
@@ -62,23 +85,49 @@ def write_files(
     paint: Painter,
     beside: Mapping[str, Painter] | None = None,
     colours: NDArray[np.uint8] | None = None,
+    measured: Callable[[], Measured] = Measured,
 ) -> Delivery:
     """Write every output that was asked for, and the picture; nothing when the gate refused and nobody forced it.
 
     paint    draws the picture into a file
     beside   further files of the same result, each with what writes it
     colours  (V, 4) of the vertices of the report's triangles, for the formats that hold them
+    measured  what the shape was made from, for the page's view
     Returns  the report with the read-back line added, and the paths written
     Raises   NotWritten.
     """
-    parcel = Parcel(shape, report, request["outputs"], request.get("picture"), paint, beside or {}, colours)
+    picture = request.get("picture")
+    parcel = Parcel(shape, report, request["outputs"], picture, paint, beside or {}, colours, measured)
     return write_parcels([parcel], request, bench)[0]
 
 
 def write_parcels(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: Bench) -> list[Delivery]:
-    """The same for several shapes: the files of all of them, or none when the gate refused one and nobody forced it."""
-    if not all(parcel.report.passed for parcel in parcels) and not request.get("force"):
-        return [(parcel.report, []) for parcel in parcels]
+    """The same for several shapes: the files of all of them, or none when the gate refused one and nobody forced it.
+
+    What a page shows is made in any case: what was refused is worth a look.
+    """
+    accepted = all(parcel.report.passed for parcel in parcels) or request.get("force")
+    delivered = _written(parcels, request, bench) if accepted else [(parcel.report, []) for parcel in parcels]
+    painters = [parcel.painter() for parcel in parcels]
+    exhibit(request, bench, lambda: [part for parcel in parcels for part in parcel.scene()], painters)
+    return delivered
+
+
+def exhibit(
+    request: Mapping[str, Any], bench: Bench, parts: Callable[[], Sequence[ScenePart]], painters: Sequence[Painter]
+) -> None:
+    """Leave a scene and pictures in the folder of the page; nothing where no page is asked for."""
+    if request.get("page") is None:
+        return
+    folder = Path(request["page"])
+    with bench.phase("write", "drawing the page"):
+        write_scene(folder / SCENE, parts(), unit=length_unit(request))
+        for number, paint in enumerate(painters):
+            with suppress(GateFailed):  # of a shape without triangles there is no picture
+                paint(folder / picture_name(number))
+
+
+def _written(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: Bench) -> list[Delivery]:
     header = FileHeader(name=request.get("name") or "missing piece", unit=LengthUnit(request.get("header_unit", "MM")))
     with bench.phase("write", "writing and reading back"):
         read_back = write_together(

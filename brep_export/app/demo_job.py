@@ -11,7 +11,7 @@ from brep_export.app.workshop import Bench
 from brep_export.faces import trimmed_face
 from brep_export.triangulation import triangulate
 from recon.geometry.mesh import TriangleMesh
-from recon.hole_patch.pipeline import MissingPiece, patch_hole
+from recon.hole_patch.pipeline import MissingPiece, patch_readings
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
 from recon.numerics.distance import closest_points
 
@@ -22,12 +22,8 @@ def demo(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Make, break, mend, and compare with the sherd that was left out."""
     with bench.phase("read", "making a vessel and breaking it"):
         vessel = broken_vessel(VesselOptions(seed=request["seed"]))
-    with bench.phase("reconstruct", "finding the hole"):
-        piece = patch_hole(vessel.sherds, doing=bench.doing)
-    for note in piece.notes:
-        bench.note(note)
-    truth = _against_truth(piece, vessel)
-    return patch_answer("demo", piece, request, bench, room={"truth": truth})
+    pieces = patch_readings(vessel.sherds, doing=bench.doing)
+    return patch_answer("demo", pieces, request, bench, room=lambda piece: {"truth": _against_truth(piece, vessel)})
 
 
 def _against_truth(piece: MissingPiece, vessel: BrokenVessel) -> dict[str, Any]:

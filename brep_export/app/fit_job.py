@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from brep_export.app.deliver import gate, write_files
+from brep_export.app.deliver import exhibit, gate, write_files
 from brep_export.app.lengths import tolerance_length
 from brep_export.app.limit_shape import limit_shape
 from brep_export.app.result import result, statistics
+from brep_export.app.scene import Measured, ScenePart, mesh_part, net_part
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport
 from brep_export.control_mesh_files import CONTROL_MESH_ENDINGS, write_control_mesh
@@ -25,7 +27,7 @@ from recon.numerics.distance import closest_points
 from recon.readers.meshes import read_mesh
 from recon.subdivision.limit_surface import Scheme, tessellate
 
-__all__ = ["fit"]
+__all__ = ["fit", "fitted_quads"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
@@ -40,7 +42,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("read", "reading the scan"):
         file = read_mesh(request["inputs"][0], unit=request["unit"])
     for note in file.notes:
-        bench.note(f"{request['inputs'][0]}: {note}")
+        bench.note(f"{request['inputs'][0]}: {note}", name="reading")
     remeshed = request["surface"] is None and bool(others)
     request = {**request, "surface": request["surface"] or ("catmull-clark" if remeshed else "loop")}
     options = FitOptions(
@@ -55,12 +57,13 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
         robust=request["robust"],
     )
     with bench.phase("reconstruct", "fitting the surface"):
-        fit = _fitted_quads if remeshed else fit_surface
+        fit = fitted_quads if remeshed else fit_surface
         fitted = fit(file.mesh, options, doing=bench.doing)
     if fitted.n_closed:
-        bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.")
+        bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.", name="closed-holes")
     if fitted.folds:
-        bench.note(f"the surface folds at {fitted.folds} control points; more of them would keep it smooth.")
+        folded = f"the surface folds at {fitted.folds} control points; more of them would keep it smooth."
+        bench.note(folded, name="folds")
     kernel, reasons, written = _shape_written(file.mesh, fitted, {**request, "outputs": others}, bench)
     if nets and (not reasons or request["force"]):
         with bench.phase("write", "writing the control mesh"), staged(*nets, announce=bench.staged) as temporary:
@@ -81,7 +84,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
 
 
-def _fitted_quads(scan: TriangleMesh, options: FitOptions, *, doing: Callable[[str], None]) -> FittedSurface:
+def fitted_quads(scan: TriangleMesh, options: FitOptions, *, doing: Callable[[str], None]) -> FittedSurface:
     """The fit that makes the best solid: quadrilaterals in rows, moved to the scan, none added where they stand.
 
     Twice as many are taken, a few times at most, where the tolerance asks for more.
@@ -114,16 +117,41 @@ def _shape_written(
     made = limit_shape(fitted.mesh, fitted.scheme, request["angle"], bench)
     report: CheckReport = gate(made.shape, made.tolerance, made.kind, bench)
     named = {**request, "name": request["name"] or "fitted surface"}
-    report, written = write_files(made.shape, report, named, bench, paint=partial(_paint, scan, fitted))
+    paint, measured = partial(_paint, scan, fitted), partial(_measured, scan, fitted)
+    report, written = write_files(made.shape, report, named, bench, paint=paint, measured=measured)
     return report.as_json(), tuple(str(defect) for defect in report.defects), written
 
 
 def _picture_alone(scan: TriangleMesh, fitted: FittedSurface, request: Mapping[str, Any], bench: Bench) -> list[str]:
+    exhibit(request, bench, partial(_surface_alone, scan, fitted), [partial(_paint, scan, fitted)])
     if request["picture"] is None:
         return []
     with bench.phase("write", "drawing"), staged(request["picture"], announce=bench.staged) as (temporary,):
         _paint(scan, fitted, temporary)
     return [request["picture"]]
+
+
+def _surface_alone(scan: TriangleMesh, fitted: FittedSurface) -> list[ScenePart]:
+    """The limit surface as triangles, where no kernel shape is made of it."""
+    from brep_export.app.pictures import MADE
+
+    surface, measured = tessellate(fitted.mesh, scheme=fitted.scheme, halvings=2), _measured(scan, fitted)
+    away = None if measured.deviation is None else measured.deviation(surface.vertices)
+    made = mesh_part("limit surface", surface, MADE, values=away, scale=measured.scale, result=True)
+    return [*measured.parts, made]
+
+
+def _measured(scan: TriangleMesh, fitted: FittedSurface) -> Measured:
+    from brep_export.app.pictures import CLAY
+
+    def away(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return closest_points(points, scan.vertices, scan.face_vertices).distances
+
+    known = fitted.distances if len(fitted.distances) == scan.n_vertices else None
+    off = "distance of the scan's points from the surface, mm"
+    measured = mesh_part("scan", scan, CLAY[0], values=known, scale=off, shown=False)
+    net = net_part("control mesh", fitted.mesh, "#777777", shown=False)
+    return Measured([measured, net], away, "distance from the scan, mm")
 
 
 def _figures(fitted: FittedSurface, request: Mapping[str, Any]) -> dict[str, Any]:

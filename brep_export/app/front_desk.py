@@ -12,11 +12,15 @@ from typing import Any
 
 import typer
 
+from brep_export.app.exhibits import gathered, length_unit
+from brep_export.app.note_names import require_names
 from brep_export.app.outputs import check_destinations
+from brep_export.app.plan import plan, plan_summary
+from brep_export.app.progress import shown_progress
 from brep_export.app.report import write_report
 from brep_export.app.result import refusal, summary
 from brep_export.app.workshop import Exit, Outcome, run
-from recon.errors import InputError
+from recon.errors import InputError, ReconError
 
 __all__ = ["answer"]
 
@@ -26,22 +30,29 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
 
     command  as the user typed it
     job      `module:function`, see workshop.run
-    options  the command's parameters by name; as_json, quiet and timeout are for the front desk, the rest for the job
-    fixed    what the command itself adds for its job; with `own_page` the job writes the page of --report as well
+    options  the command's parameters by name; as_json, quiet, timeout and dry_run are for the front desk, the rest for
+             the job
+    fixed    what the command itself adds for its job
     """
     request = {key: _plain(value) for key, value in {**options, **fixed}.items()}
     request["inputs"], request["outputs"] = _listed(request["inputs"]), _listed(request["outputs"])
     as_json, quiet, timeout = request.pop("as_json"), request.pop("quiet"), request.pop("timeout")
+    dry_run = request.pop("dry_run")
     try:
+        require_names(request["silence"] or ())
+        if dry_run:
+            check_destinations(request, make=False)
+            _tell_plan(plan(command, request), as_json=as_json)
+            raise typer.Exit
         check_destinations(request)
         work = partial(_watched, job, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)
-        by_job = request.get("report") is None or request.get("own_page", False)
-        outcome = work(request) if by_job else _with_report(work, request)
-    except InputError as problem:
-        outcome = Outcome(Exit.BAD_INPUT, reasons=(str(problem),))
+        outcome = work(request) if request.get("report") is None else _with_report(work, request)
+    except ReconError as problem:
+        status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
+        outcome = Outcome(status, reasons=(str(problem),))
     except KeyboardInterrupt:
         outcome = Outcome(Exit.INTERRUPTED, reasons=("interrupted; nothing was written.",))
-    result = outcome.result or refusal(command, request["inputs"], outcome.reasons)
+    result = outcome.result or refusal(command, request["inputs"], outcome.reasons, cause=outcome.cause)
     if outcome.result is None:
         _complain(command, outcome, request["debug"])
     if as_json:
@@ -52,17 +63,14 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
 
 
 def _with_report(work: Callable[[dict[str, Any]], Outcome], request: dict[str, Any]) -> Outcome:
-    """Do the work, with a picture for the page even where none was asked for, and write the page of its result."""
+    """Do the work, with a folder for what the page shows beside figures, and write the page of its result."""
     page = Path(request["report"])
     with TemporaryDirectory() as folder:
-        picture = request["picture"] or str(Path(folder) / "picture.png")
-        outcome = work({**request, "picture": picture})
+        outcome = work({**request, "page": folder})
         if outcome.result is None:
             return outcome
-        image = Path(picture).read_bytes() if Path(picture).is_file() else None
-        outputs = [path for path in outcome.result["outputs"] if path != picture or picture == request["picture"]]
-        result = {**outcome.result, "outputs": [*outputs, str(page)]}
-        write_report(page, result, image)
+        result = {**outcome.result, "outputs": [*outcome.result["outputs"], str(page)]}
+        write_report(page, result, gathered(Path(folder), length_unit(request)))
         return replace(outcome, result=result)
 
 
@@ -93,14 +101,9 @@ def _complain(command: str, outcome: Outcome, debug: bool) -> None:
 def _watched(job: str, request: dict[str, Any], *, quiet: bool, timeout: float | None) -> Outcome:
     if quiet:
         return run(job, request, timeout=timeout)
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    with console.status("starting") as status:
-        return run(job, request, timeout=timeout, doing=_shown(status.update), note=_shown(console.print))
+    with shown_progress() as (doing, note):
+        return run(job, request, timeout=timeout, doing=doing, note=note)
 
 
-def _shown(show: Callable[[str], object]) -> Callable[[str], None]:
-    from rich.markup import escape
-
-    return lambda text: (show(escape(text)), None)[1]
+def _tell_plan(planned: Mapping[str, Any], *, as_json: bool) -> None:
+    typer.echo(json.dumps(planned) if as_json else plan_summary(planned))

@@ -1,12 +1,15 @@
 """What `recon patch --list` answers: every hole with its number, size, kind and place, and a picture of them."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from brep_export.app.deliver import exhibit
 from brep_export.app.result import result
+from brep_export.app.scene import ScenePart, line_part, mesh_part
 from brep_export.app.workshop import Bench, Exit
 from brep_export.staging import staged
 from recon.hole_patch.hole import Hole
@@ -26,6 +29,7 @@ def hole_list(found: HolesFound, request: Mapping[str, Any], bench: Bench) -> tu
         with bench.phase("write", "drawing"), staged(request["picture"], announce=bench.staged) as (temporary,):
             _paint(found, temporary)
         written = [request["picture"]]
+    exhibit(request, bench, partial(_shown, found), [partial(_paint, found)])
     answer = result(
         "patch",
         inputs=request["inputs"],
@@ -51,6 +55,21 @@ def hole_figures(hole: Hole) -> dict[str, Any]:
     }
 
 
+def _shown(found: HolesFound) -> list[ScenePart]:
+    from brep_export.app.pictures import CLAY
+
+    sherds = [mesh_part(f"sherd {i}", mesh, CLAY[i % len(CLAY)]) for i, mesh in enumerate(found.sherds, 1)]
+    edges = [
+        line_part(f"hole {number}", [np.vstack([hole.outer.points, hole.outer.points[:1]])], _colour(number))
+        for number, hole in enumerate(found.holes)
+    ]
+    return [*sherds, *edges]
+
+
+def _colour(number: int) -> str:
+    return COLOURS[number % len(COLOURS)]
+
+
 def _paint(found: HolesFound, path: Path) -> None:
     """The vessel from every side on which there is a hole, each hole's edge in its colour with its number."""
     from brep_export.app.pictures import CLAY, Mark, Part, View, draw
@@ -66,7 +85,7 @@ def _paint(found: HolesFound, path: Path) -> None:
     views = []
     for toward in panels or [np.cross(up, np.eye(3)[np.argmin(np.abs(up))])]:
         marks = tuple(
-            Mark(hole.outer.points, str(number), COLOURS[number % len(COLOURS)])
+            Mark(hole.outer.points, str(number), _colour(number))
             for number, hole in enumerate(found.holes)
             if facing[number] @ toward > 0.0
         )

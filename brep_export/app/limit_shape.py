@@ -53,7 +53,8 @@ def limit_shape(mesh: ControlMesh, scheme: Scheme, angle_deg: float, bench: Benc
         share, n_caps = 100.0 * faces.off / mean_edge(mesh), len(faces.mosaic.patches) - faces.n_exact
         bench.note(
             f"{faces.n_exact} faces are the limit surface itself; the other {n_caps}, "
-            f"around irregular vertices, are off it by at most {share:.2g} % of a mean edge."
+            f"around irregular vertices, are off it by at most {share:.2g} % of a mean edge.",
+            name="off-limit",
         )
     return LimitShape(shape, kind, tolerance, faces)
 

@@ -14,10 +14,11 @@ ENDINGS = CAD_ENDINGS + MESH_ENDINGS
 PAGES = (".html", ".htm")
 
 
-def check_destinations(request: Mapping[str, Any]) -> None:
+def check_destinations(request: Mapping[str, Any], *, make: bool = True) -> None:
     """Every output has a known ending, a folder that exists, and a name of its own; the folder of a demo is made.
 
     `more_endings` of the request are those that its command alone can write, `endings` all others.
+    make  False: nothing is made, and the folder of a demo counts as if it were
     Raises  UnsupportedFormat, BadOption.
     """
     outputs = [Path(path) for path in request["outputs"]]
@@ -32,11 +33,14 @@ def check_destinations(request: Mapping[str, Any]) -> None:
     if page is not None and Path(page).suffix.lower() not in PAGES:
         raise UnsupportedFormat(str(page), PAGES)
     targets = outputs + [Path(path) for path in (picture, page) if path is not None]
-    _make(request.get("make_directory"))
+    folder = request.get("make_directory")
+    if make:
+        _make(folder)
     inputs = {Path(path).resolve() for path in request["inputs"]}
     seen: set[Path] = set()
     for path in targets:
-        _check_place(path)
+        if make or folder is None or path.parent != Path(folder):
+            _check_place(path)
         if path.resolve() in seen:
             raise BadOption("--output", f"{path} is named twice")
         if path.resolve() in inputs:

@@ -1,6 +1,6 @@
 """The job behind `recon patch`: scans to the missing piece, through the gate, to files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,14 +14,15 @@ from brep_export.app.deliver import Parcel, gate, print_formats, write_parcels
 from brep_export.app.hole_list import hole_figures, hole_list
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result, statistics
+from brep_export.app.scene import Measured, mesh_part
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import trimmed_face
 from brep_export.solids import lip_solid, thick_solid
-from recon.errors import BadOption, NoHole, NoWall
+from recon.errors import BadOption, NoHole, NoWall, ReconError
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
-from recon.hole_patch.confidence import BOUND, SHARE, Confidence, confidence
+from recon.hole_patch.confidence import ASSUMED, BOUND, SHARE, Confidence, confidence
 from recon.hole_patch.lip_piece import lip_thickness
 from recon.hole_patch.pipeline import (
     MissingPiece,
@@ -30,8 +31,8 @@ from recon.hole_patch.pipeline import (
     Relief,
     WallThickness,
     list_holes,
-    patch_hole,
     patch_holes,
+    patch_readings,
 )
 from recon.hole_patch.placing import Placing, place, scans_tolerance
 from recon.hole_patch.thickness import Thickness, piece_thickness
@@ -39,7 +40,7 @@ from recon.readers.meshes import read_mesh
 from recon.readers.picks import read_picks
 from recon.tolerance import Tolerance
 
-__all__ = ["TOLERANCE", "kernel_piece", "patch", "patch_answer"]
+__all__ = ["TOLERANCE", "BuiltPiece", "built", "kernel_piece", "patch", "patch_answer"]
 
 # a twentieth of a millimetre: half of what a scanner resolves, and what a kernel edge may stray from its faces
 TOLERANCE = Tolerance(merge=1e-4, fit=0.05)
@@ -71,11 +72,7 @@ def patch(request: Mapping[str, Any], bench: Bench) -> Answer:
         return hole_list(found, request, bench)
     if every:
         return _patch_all(sherds, options, request, bench)
-    with bench.phase("reconstruct", "finding the hole"):
-        piece = patch_hole(sherds, options, doing=bench.doing)
-    for note in piece.notes:
-        bench.note(note)
-    return patch_answer("patch", piece, request, bench)
+    return patch_answer("patch", patch_readings(sherds, options, doing=bench.doing), request, bench)
 
 
 def _hole(text: str | None) -> int | None:
@@ -101,7 +98,7 @@ def _read(request: Mapping[str, Any], bench: Bench) -> list[TriangleMesh]:
     files = [read_mesh(path, unit=request["unit"]) for path in request["inputs"]]
     for path, file in zip(request["inputs"], files):
         for note in file.notes:
-            bench.note(f"{path}: {note}")
+            bench.note(f"{path}: {note}", name="reading")
     return [file.mesh for file in files]
 
 
@@ -112,6 +109,43 @@ def kernel_piece(piece: MissingPiece) -> tuple[TopoDS_Shape, ShapeKind]:
     if isinstance(piece.shape, LipPiece):
         return lip_solid(piece.shape, TOLERANCE), ShapeKind.SOLID
     return trimmed_face(piece.shape, TOLERANCE), ShapeKind.FACE
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltPiece:
+    """A piece, its kernel shape, and what the gate said of it."""
+
+    piece: MissingPiece
+    shape: TopoDS_Shape
+    report: CheckReport
+
+
+def built(pieces: Iterator[MissingPiece], bench: Bench, *, name: str = "") -> BuiltPiece:
+    """The first piece whose shape passes the gate; the first of all where none does.
+
+    pieces  of one hole, by the readings of its walls, at least one; made as they are asked for
+    Raises  what the first piece raised, where none could be built.
+    """
+    first: BuiltPiece | None = None
+    error: ReconError | None = None
+    while True:
+        with bench.phase("reconstruct", f"{name}finding the hole"):
+            piece = next(pieces, None)
+        if piece is None:
+            break
+        try:
+            with bench.phase("brep", f"{name}building the shape"):
+                shape, kind = kernel_piece(piece)
+        except ReconError as failure:
+            error = error or failure
+            continue
+        made = BuiltPiece(piece, shape, gate(shape, TOLERANCE, kind, bench))
+        if made.report.passed:
+            return made
+        first = first or made
+    if first is None:
+        raise error or NoHole("no piece was made.")
+    return first
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +165,9 @@ class _Proved:
         triangles = self.report.triangulation
         expected = None if triangles is None else self.trust.at(triangles.vertices)
         paint = partial(_paint, self.piece.sherds, self.report, expected)
-        return Parcel(self.shape, self.report, outputs, picture, paint, colours=_colours(expected, outputs))
+        title = f"the piece of {self.name[:-2]}" if self.name else "the piece"
+        measured, colours = partial(_measured, self.piece.sherds, self.trust), _colours(expected, outputs)
+        return Parcel(self.shape, self.report, outputs, picture, paint, colours=colours, measured=measured, title=title)
 
     def figures(self, bench: Bench) -> dict[str, Any]:
         return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self, bench)
@@ -139,14 +175,18 @@ class _Proved:
 
 def patch_answer(
     command: str,
-    piece: MissingPiece,
+    pieces: Iterator[MissingPiece],
     request: Mapping[str, Any],
     bench: Bench,
     *,
-    room: Mapping[str, Any] | None = None,
+    room: Callable[[MissingPiece], Mapping[str, Any]] = lambda piece: {},
 ) -> Answer:
-    """Build, prove and write the piece; `room` holds further figures for the answer."""
-    proved = _proved(piece, request, bench)
+    """Build, prove and write the first of the pieces of a hole that is sound; `room` finds further figures of it."""
+    found = built(pieces, bench)
+    piece = found.piece
+    for note in piece.notes:
+        bench.note(note, name="piece")
+    proved = _proved(found, request, bench)
     ((report, written),) = write_parcels([proved.parcel(request["outputs"], request.get("picture"))], request, bench)
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
@@ -157,7 +197,7 @@ def patch_answer(
         kernel=report.as_json(),
         seconds=bench.seconds | {"total": bench.elapsed()},
         error=statistics(piece.sample_distance, unit="mm", against=SAMPLES),
-        room=proved.figures(bench) | dict(room or {}),
+        room=proved.figures(bench) | dict(room(piece)),
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
@@ -174,8 +214,11 @@ def _patch_all(
     if not made:
         raise NoHole("no hole can be patched: " + " ".join(f"hole {a.number}: {a.reason}" for a in refused))
     for attempt in refused:
-        bench.note(f"hole {attempt.number} gets no piece: {attempt.reason}")
-    proved = {number: _proved(piece, request, bench, name=f"hole {number}: ") for number, piece in made}
+        bench.note(f"hole {attempt.number} gets no piece: {attempt.reason}", name="hole-left-out")
+    proved = {}
+    for number, piece in made:
+        name = f"hole {number}: "
+        proved[number] = _proved(built(iter([piece]), bench, name=name), request, bench, name=name)
     parcels = [p.parcel(*_numbered(number, request)) for number, p in proved.items()]
     delivered = dict(zip(proved, write_parcels(parcels, request, bench)))
     reasons = tuple(f"hole {n}: {defect}" for n, (report, _) in delivered.items() for defect in report.defects)
@@ -226,18 +269,16 @@ def _piece_entry(
     }
 
 
-def _proved(piece: MissingPiece, request: Mapping[str, Any], bench: Bench, *, name: str = "") -> _Proved:
-    """The shape of a piece, through the gate; notes about it begin with the name."""
+def _proved(found: BuiltPiece, request: Mapping[str, Any], bench: Bench, *, name: str = "") -> _Proved:
+    """How far a piece may be trusted; notes about it begin with the name."""
+    piece = found.piece
     _refuse_open_print(piece, request)
     thickness = _thickness_of(piece)
     if thickness is not None:
         _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench, name)
-    with bench.phase("brep", f"{name}building the shape"):
-        shape, kind = kernel_piece(piece)
-    report = gate(shape, TOLERANCE, kind, bench)
     with bench.phase("reconstruct", f"{name}fitting again without each sherd"):
         trust = confidence(piece)
-    return _Proved(piece, thickness, shape, report, trust, name)
+    return _Proved(piece, thickness, found.shape, found.report, trust, name)
 
 
 def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:
@@ -260,7 +301,8 @@ def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench, name:
     if share > 0.0:
         bench.note(
             f"{name}the wall is thinner than {limit:g} mm over {100.0 * share:.0f} % of the piece; it is thinnest, "
-            f"{thickness.least:.2f} mm, near ({x:.1f}, {y:.1f}, {z:.1f})."
+            f"{thickness.least:.2f} mm, near ({x:.1f}, {y:.1f}, {z:.1f}).",
+            name="thin-wall",
         )
 
 
@@ -313,6 +355,7 @@ def _trust(trust: Confidence) -> dict[str, Any]:
             "share": SHARE,
             "within": BOUND,
             "sherds_left_out": trust.outer.n_left_out,
+            "assumed": ASSUMED,
         }
     }
 
@@ -325,7 +368,7 @@ def _fit(proved: _Proved, bench: Bench) -> dict[str, Any]:
     with bench.phase("check", f"{proved.name}setting the piece in"):
         placing = place(report.triangles(), piece.sherds, tolerance=scans_tolerance(piece.settling))
     for note in placing.notes:
-        bench.note(f"{proved.name}{note}")
+        bench.note(f"{proved.name}{note}", name="placing")
     return _placing_figures(placing)
 
 
@@ -366,6 +409,13 @@ def _colours(expected: NDArray[np.float64] | None, outputs: Sequence[str]) -> ND
     from brep_export.app.pictures import colours_of
 
     return colours_of(expected)
+
+
+def _measured(sherds: Sequence[TriangleMesh], trust: Confidence) -> Measured:
+    from brep_export.app.pictures import CLAY
+
+    parts = [mesh_part(f"sherd {i}", mesh, CLAY[i % len(CLAY)]) for i, mesh in enumerate(sherds, 1)]
+    return Measured(parts, trust.at, "expected error, mm")
 
 
 def _paint(

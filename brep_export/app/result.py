@@ -44,9 +44,9 @@ def result(
     }
 
 
-def refusal(command: str, inputs: Sequence[str], reasons: Sequence[str]) -> dict[str, Any]:
-    """The object of a run that ended before there was anything to measure."""
-    return result(command, inputs=inputs, outputs=(), reasons=reasons, kernel={}, seconds={})
+def refusal(command: str, inputs: Sequence[str], reasons: Sequence[str], *, cause: str = "") -> dict[str, Any]:
+    """The object of a run that ended before there was anything to measure; `cause` as in an Outcome."""
+    return result(command, inputs=inputs, outputs=(), reasons=reasons, kernel={}, seconds={}) | {"cause": cause}
 
 
 def kernel_of_all(kernels: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

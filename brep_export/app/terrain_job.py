@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import result
+from brep_export.app.scene import Measured, line_part, point_part
 from brep_export.app.workshop import Bench, Exit
 from brep_export.blocks import block_solid, side_by_side
 from brep_export.check import CheckReport, ShapeKind
@@ -29,13 +31,15 @@ from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
 from recon.terrain.sections import contours_at, islands_above
 from recon.tolerance import Tolerance
 
-__all__ = ["terrain"]
+__all__ = ["lowest_place", "terrain"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
 # a hundredth of a metre: far below what a map resolves, far above what the shared edges need
 LINES_ENDING = ".geojson"
 TOLERANCE = Tolerance(merge=1e-5, fit=0.01)
+
+MOST_PLACES, GRID_COLOUR = 30_000, "#b98d66"  # of a grid in the page's view
 
 
 def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
@@ -51,7 +55,7 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         lines = _new_contours(ground, request["contours"])
         whole = _to_be_cut(contours, ground, request["base_level"], bench)
     for note in ground.notes:
-        bench.note(note)
+        bench.note(note, name="ground")
     with bench.phase("brep", "building the shape"):
         shape, kind, scale = _shape(whole, request)
     report = gate(shape, TOLERANCE, kind, bench)
@@ -65,6 +69,7 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         bench,
         paint=partial(_paint, report),
         beside=beside,
+        measured=partial(_measured, contours, ground, against, _stretch(request)),
     )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
@@ -141,7 +146,7 @@ def _new_contours(ground: Terrain, interval: float | None) -> ContourMap | None:
 
 def _to_be_cut(contours: ContourMap, ground: Terrain, level: float | None, bench: Bench) -> Terrain:
     """The ground, made again with a contour at the base where that cuts it."""
-    if level is None or level < _lowest(terrain_network(ground)):
+    if level is None or level < lowest_place(terrain_network(ground)):
         return ground
     if level >= ground.jets.height.max():
         raise BadOption("--base-level", f"must lie below the highest ground, {ground.jets.height.max():.2f} m")
@@ -156,16 +161,21 @@ def _to_be_cut(contours: ContourMap, ground: Terrain, level: float | None, bench
 def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, ShapeKind, float]:
     """The open shell of the ground, or the solids above the base that was asked for; and how long a metre is in it."""
     depth, level = request["base_depth"], request["base_level"]
-    scale, steeper = _scale(request["scale"]), float(request["exaggerate"] or 1.0)
-    stretch = np.array([scale, scale, scale * steeper])
+    scale, stretch = _scale(request["scale"]), _stretch(request)
     network = terrain_network(ground)
-    lowest = _lowest(network)
+    lowest = lowest_place(network)
     if depth is None and level is None:
         return network_shell(stretched(network, stretch), TOLERANCE), ShapeKind.SHELL, scale
     base = lowest - depth if level is None else level
     grounds = [ground] if base < lowest else islands_above(ground, base)
     solids = [block_solid(stretched(terrain_network(part), stretch), base * stretch[2], TOLERANCE) for part in grounds]
     return side_by_side(solids), ShapeKind.SOLID if len(solids) == 1 else ShapeKind.COMPOUND, scale
+
+
+def _stretch(request: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Factors from metres of the ground to the file, of x, y and z."""
+    scale = _scale(request["scale"])
+    return scale * np.array([1.0, 1.0, float(request["exaggerate"] or 1.0)])
 
 
 def _scale(text: str | None) -> float:
@@ -182,7 +192,7 @@ def _scale(text: str | None) -> float:
     return over / under
 
 
-def _lowest(network: PatchNetwork) -> float:
+def lowest_place(network: PatchNetwork) -> float:
     """Height of the lowest place, on a grid of samples of every patch and at every vertex."""
     from recon.numerics.bernstein import bernstein
 
@@ -259,6 +269,28 @@ def _mid_contours(contours: ContourMap, ground: Terrain, against: HeightGrid) ->
         return None
     mean, median, p90 = found.mean(), np.median(found), np.quantile(found, 0.9)
     return {"mean": float(mean), "median": float(median), "p90": float(p90)}
+
+
+def _measured(
+    contours: ContourMap, ground: Terrain, against: HeightGrid | None, stretch: NDArray[np.float64]
+) -> Measured:
+    """The contours, coloured by how far the ground's own lie from them, and the grid it was held to, if any."""
+    order = np.argsort(contours.heights, kind="stable")  # that of contour_distances
+    lines = [_placed(contours.lines[k], contours.heights[k], ground, stretch) for k in order]
+    off = contour_distances(ground, contours)
+    parts = [line_part("contours", lines, "#7a4b22", values=off, scale="contours of the ground off these, in plan, m")]
+    if against is not None:
+        places, heights = against.places()
+        some = np.arange(len(places))[:: max(1, len(places) // MOST_PLACES)]
+        miss = np.abs(elevations(ground, places[some])[0] - heights[some])
+        shown = _placed(places[some], heights[some], ground, stretch)
+        parts.append(point_part("grid", shown, GRID_COLOUR, values=miss, scale="height off the grid, m", shown=False))
+    return Measured(parts)
+
+
+def _placed(places: NDArray[np.float64], height: Any, ground: Terrain, stretch: NDArray[np.float64]) -> Any:
+    """Map places (n, 2) with their height in the file's own coordinates."""
+    return np.column_stack([places - ground.origin, np.broadcast_to(height, len(places))]) * stretch
 
 
 def _paint(report: CheckReport, path: Path) -> None:

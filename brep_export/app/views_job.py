@@ -2,18 +2,20 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from brep_export.app.deliver import gate, write_files
+from brep_export.app.deliver import exhibit, write_files
+from brep_export.app.exhibits import GALLERY
 from brep_export.app.polyhedron_files import POLYHEDRON_ENDINGS, polyhedron_writer
 from brep_export.app.result import result
 from brep_export.app.views_picture import draw_solids
-from brep_export.app.views_report import write_report
+from brep_export.app.views_report import SHOWN, gallery, scene_parts
 from brep_export.app.workshop import Bench, Exit
-from brep_export.check import CheckReport, ShapeKind
+from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.solids import polyhedron_solid
 from brep_export.staging import staged
 from recon.errors import NoSolid, NotWritten
@@ -25,7 +27,7 @@ from recon.three_view.pipeline import Interpretation, ViewsOptions, diagnose, in
 from recon.three_view.repairs import repaired
 from recon.tolerance import Tolerance
 
-__all__ = ["views"]
+__all__ = ["SLACK", "as_meant", "views"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 LISTED = 1000  # options of a choice that are compared to tell which is the most plausible
@@ -49,13 +51,16 @@ def views(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("read", "reading the drawing"):
         sheet = read_views(request["inputs"][0])
     for note in sheet.notes:
-        bench.note(note)
+        bench.note(note, name="reading")
     with bench.phase("reconstruct", "finding the solids"):
         sheet, found = _interpreted(sheet, options, request, bench)
     _tell_count(found, request, bench)
-    proved = [_proved(sheet, found, number, outputs, bench) for number, outputs in _wanted(request, found)]
+    wanted = list(_wanted(request, found))
+    proved = [_proved(sheet, found, k, wanted, bench) for k in range(len(wanted))]
     reasons = tuple(dict.fromkeys(str(defect) for one in proved for defect in one.report.defects))
-    written = [] if reasons and not request["force"] else _write(proved, (sheet, found), request, bench)
+    written = [] if reasons and not request["force"] else _write(proved, found, request, bench)
+    if request.get("page") is not None:
+        _exhibit(proved, (sheet, found), request, bench)
     answer = result(
         "views",
         inputs=request["inputs"],
@@ -74,9 +79,9 @@ def _tell_count(found: Interpretation, request: Mapping[str, Any], bench: Bench)
         more = "" if found.exact else "at least "
         which = "each has a number" if found.complete else f"{found.labelings.listed} of them are numbered"
         shown = "" if request["all_solutions"] else f"; this is number {request['solution']}"
-        bench.note(f"the drawing can mean {more}{found.count} solids, {which}{shown}")
+        bench.note(f"the drawing can mean {more}{found.count} solids, {which}{shown}", name="several-solids")
     if request["all_solutions"] and found.count > request["limit"]:
-        bench.note(f"the first {request['limit']} are written; --limit allows more")
+        bench.note(f"the first {request['limit']} are written; --limit allows more", name="limit")
 
 
 def _interpreted(
@@ -97,7 +102,7 @@ def _interpreted(
             conflict = "; these contradict each other: " + "; ".join(lines) if lines else ""
             advice = "; it would have a solid if " + "; or if ".join(mends) if mends else ""
             raise NoSolid(f"no solid is drawn like this{conflict}{advice}", lines) from refusal
-        bench.note(f"repaired: {mends[0]}")
+        bench.note(f"repaired: {mends[0]}", name="repaired")
         mended = replace(sheet, drawing=repaired(sheet.drawing, diagnosis.repairs[0]))
         return mended, interpret(mended.drawing, options, doing=bench.doing)
 
@@ -112,43 +117,58 @@ def _wanted(request: Mapping[str, Any], found: Interpretation) -> Iterator[tuple
         yield number, [str(path.with_name(f"{path.stem}_{number + 1}{path.suffix}")) for path in paths]
 
 
-def _proved(sheet: ViewSheet, found: Interpretation, number: int, outputs: Sequence[str], bench: Bench) -> Proved:
+def _proved(
+    sheet: ViewSheet, found: Interpretation, turn: int, wanted: Sequence[tuple[int, list[str]]], bench: Bench
+) -> Proved:
     """One solid drawn again, built and judged."""
-    with bench.phase("reconstruct", "drawing the solid again"):
+    number, outputs = wanted[turn]
+    with bench.phase("reconstruct", f"proving solids ({turn + 1} of {len(wanted)})"):
         polyhedron = found.polyhedron(number)
         differences = found.differences(polyhedron)
     if differences:
         raise NoSolid(f"solid {number + 1} does not draw as given; {differences[0]}", differences)
-    solid = _as_meant(sheet, polyhedron)
-    with bench.phase("brep", "building the solid"):
+    solid = as_meant(sheet, polyhedron)
+    with bench.phase("brep", f"proving solids ({turn + 1} of {len(wanted)})"):
         shape = polyhedron_solid(solid)
     tolerance = Tolerance(merge=found.snap, fit=SLACK * found.snap)
-    return Proved(solid, shape, gate(shape, tolerance, ShapeKind.SOLID, bench), tuple(outputs))
+    with bench.phase("check", f"proving solids ({turn + 1} of {len(wanted)})"):
+        report = check(shape, tolerance, expect=ShapeKind.SOLID)
+    return Proved(solid, shape, report, tuple(outputs))
 
 
-def _as_meant(sheet: ViewSheet, solid: Polyhedron) -> Polyhedron:
+def as_meant(sheet: ViewSheet, solid: Polyhedron) -> Polyhedron:
     """The part itself, where the sheet was read as that of its mirror image."""
     return solid.mirrored(0, sheet.drawing.front.segments[:, :, 0].max() / 2) if sheet.mirrored else solid
 
 
-def _write(
-    proved: list[Proved], read: tuple[ViewSheet, Interpretation], request: Mapping[str, Any], bench: Bench
-) -> list[str]:
-    """Every file of every solid, picture and page: first under hidden names, put in place when all of them are good."""
-    sheet, found = read
+def _write(proved: list[Proved], found: Interpretation, request: Mapping[str, Any], bench: Bench) -> list[str]:
+    """Every file of every solid, and the picture: first under hidden names, put in place when all of them are good."""
     paths = [path for one in proved for path in one.outputs]
-    extra = [path for path in (request["picture"], request["report"]) if path is not None]
+    extra = [path for path in (request["picture"],) if path is not None]
     with staged(*paths, *extra, announce=bench.staged) as hidden:
         places = dict(zip((*paths, *extra), map(str, hidden)))
         proved[:] = [_written(one, places, request, bench) for one in proved]
         with bench.phase("write", "drawing the solids"):
             if request["picture"] is not None:
-                shown = [(one.solid, one.report.triangles()) for one in proved]
-                draw_solids(Path(places[request["picture"]]), found.drawing, shown)
-            if request["report"] is not None:
-                solids = (_as_meant(sheet, solid) for solid in found.polyhedra())
-                write_report(Path(places[request["report"]]), found, solids, name=Path(request["inputs"][0]).name)
+                _paint(proved, found, Path(places[request["picture"]]))
     return [*paths, *extra]
+
+
+def _paint(proved: Sequence[Proved], found: Interpretation, path: Path) -> None:
+    draw_solids(path, found.drawing, [(one.solid, one.report.triangles()) for one in proved])
+
+
+def _exhibit(
+    proved: Sequence[Proved], read: tuple[ViewSheet, Interpretation], request: Mapping[str, Any], bench: Bench
+) -> None:
+    """The gallery of the page, and the solids in its view, of which the chosen one is seen first."""
+    sheet, found = read
+    chosen = request["solution"] - 1
+    numbers = sorted({*range(min(SHOWN, found.labelings.listed)), chosen})
+    solids = {number: as_meant(sheet, found.polyhedron(number)) for number in numbers}
+    (Path(request["page"]) / GALLERY).write_text(gallery(found, solids), encoding="utf-8")
+    parts = partial(scene_parts, found.drawing, solids, chosen, mirrored=sheet.mirrored)
+    exhibit(request, bench, parts, [partial(_paint, proved, found)])
 
 
 def _written(one: Proved, places: Mapping[str, str], request: Mapping[str, Any], bench: Bench) -> Proved:

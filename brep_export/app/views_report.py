@@ -1,56 +1,101 @@
-"""A page on what a drawing can mean: the drawing, and beside it each solid, drawn from a corner; choices to toggle.
+"""The section of a page on what a drawing can mean: the drawing, and each solid from a corner; choices to toggle.
 
-The page holds all it needs. Solids are line drawings, hidden lines thin, made by the same hidden line removal that
-proves them.
+Solids are line drawings, hidden lines thin, made by the same hidden line removal that proves them; a click on one shows
+it in the page's view.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
-from itertools import islice
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brep_export.app.scene import ScenePart, kernel_parts, line_part
+from brep_export.solids import polyhedron_solid
 from recon.geometry.polyhedron import Polyhedron
-from recon.geometry.views import DrawnView
+from recon.geometry.views import DrawnView, ThreeViews
 from recon.three_view.hidden_lines import draw
 from recon.three_view.pipeline import Interpretation
 
-__all__ = ["write_report"]
+__all__ = ["SHOWN", "gallery", "scene_parts", "solid_name"]
 
 Floats = NDArray[np.float64]
 
 SHOWN = 60  # solids on a page
 AROUND, OVER = np.radians(-35.0), np.radians(25.0)  # the corner from which solids are seen
-PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>
-<style>body{{font:15px sans-serif;margin:2em}} figure{{display:inline-block;margin:.5em;text-align:center}}
-svg{{width:230px;height:230px}} path{{fill:none;stroke:#000;stroke-width:1.5;vector-effect:non-scaling-stroke}}
-path.h{{stroke-width:.8;stroke-dasharray:4 3;opacity:.6}} select{{font:inherit}}</style>
-<h1>{title}</h1><p>{count}</p><div>{views}</div>{choices}<div id="solids">{solids}</div>
+SECTION = """<section class="gallery"><h2>What the drawing can mean</h2><p>{count}</p><div>{views}</div>{choices}
+<div id="solids">{solids}</div></section>
 <script>
-const boxes=[...document.querySelectorAll("select")];
+const boxes=[...document.querySelectorAll(".gallery select")];
 boxes.forEach(b=>b.onchange=()=>document.querySelectorAll("#solids figure").forEach(f=>{{
  const p=f.dataset.picks.split(" ");f.hidden=boxes.some((b,k)=>b.value!=="any"&&b.value!==p[k])}}));
-</script></html>
+</script>
 """
 
 
-def write_report(path: Path, found: Interpretation, solids: Iterable[Polyhedron], *, name: str) -> None:
-    """Write the page.
+def gallery(found: Interpretation, solids: Mapping[int, Polyhedron]) -> str:
+    """The section as HTML.
 
-    solids  those of the drawing, the most plausible first; of many only these are shown
+    solids  those to be shown, by their numbers from 0
     """
     views = "".join(_figure(_svg(view), projection.name) for projection, view in found.drawing)
     figures = []
-    for number, solid in enumerate(islice(solids, SHOWN)):
-        figure = _figure(_svg(_from_corner(solid)), f"solid {number + 1}")
+    for number, solid in solids.items():
         picks = " ".join(str(pick + 1) for pick in found.labelings.picks(number))
-        figures.append(figure.replace("<figure>", f'<figure data-picks="{picks}">'))
+        name = solid_name(number)
+        data = f' data-picks="{picks}" data-part="{name}"'
+        figures.append(_figure(_svg(_from_corner(solid)), name).replace("<figure", f"<figure{data}", 1))
     more = "" if found.exact else "at least "
-    count = f"The drawing can mean {more}{found.count} solids; {len(figures)} are shown."
-    page = PAGE.format(title=escape(name), count=count, views=views, choices=_choices(found), solids="".join(figures))
-    path.write_text(page, encoding="utf-8")
+    count = f"The drawing can mean {more}{found.count} solids; {len(figures)} are shown. A click shows one above."
+    if found.count == 1 and found.exact:
+        count = "The drawing can mean one solid alone."
+    return SECTION.format(count=count, views=views, choices=_choices(found), solids="".join(figures))
+
+
+def solid_name(number: int) -> str:
+    """What the page calls a solid, by its number from 0."""
+    return f"solid {number + 1}"
+
+
+def scene_parts(
+    drawing: ThreeViews, solids: Mapping[int, Polyhedron], chosen: int, *, mirrored: bool = False
+) -> list[ScenePart]:
+    """What the page's view holds: the solids, the chosen one seen first, and each view in the plane it was seen in.
+
+    mirrored  whether the solids are mirror images of what was drawn
+    """
+    from brep_export.app.pictures import MADE
+
+    parts = _drawn_views(drawing, mirrored=mirrored)
+    for number, solid in solids.items():
+        deflection = 1e-3 * drawing.extent()
+        made = kernel_parts(solid_name(number), polyhedron_solid(solid), deflection, colour=MADE)
+        parts += [replace(part, shown=number == chosen) for part in made]
+    return parts
+
+
+def _drawn_views(drawing: ThreeViews, *, mirrored: bool) -> list[ScenePart]:
+    """Each view in space, on the side from which it is seen, an eighth of the size away."""
+    (low_x, _), (high_x, high_z) = _corners(drawing.front)
+    low_y, away = _corners(drawing.top)[0][1], drawing.extent() / 8
+    depth = {"front": low_y - away, "top": high_z + away, "side": high_x + away}
+    parts = []
+    for projection, view in drawing:
+        lines = np.empty((view.n_segments, 2, 3))
+        lines[..., projection.axes] = view.segments
+        lines[..., projection.depth] = depth[projection.name]
+        if mirrored:
+            lines[..., 0] = low_x + high_x - lines[..., 0]
+        for hidden, colour in ((False, "#111111"), (True, "#9aa3b0")):
+            name = f"{projection.name} view{', hidden lines' if hidden else ''}"
+            parts.append(line_part(name, list(lines[view.hidden == hidden]), colour))
+    return parts
+
+
+def _corners(view: DrawnView) -> tuple[Floats, Floats]:
+    points = view.segments.reshape(-1, 2)
+    return points.min(axis=0), points.max(axis=0)
 
 
 def _choices(found: Interpretation) -> str:
@@ -59,7 +104,7 @@ def _choices(found: Interpretation) -> str:
     for number, choice in enumerate(found.labelings.choices, start=1):
         options = "".join(f"<option>{k + 1}</option>" for k in range(min(len(choice.options), SHOWN)))
         boxes.append(f"choice {number} of {choice.count}: <select><option>any</option>{options}</select> ")
-    return f"<p>{''.join(boxes)}</p>"
+    return f"<p>{''.join(boxes)}</p>" if boxes else ""
 
 
 def _figure(drawing: str, caption: str) -> str:

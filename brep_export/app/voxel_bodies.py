@@ -25,7 +25,7 @@ from recon.voxel_mesh.pipeline import VoxelOptions, voxel_boundary
 from recon.voxel_mesh.revoxelise import WrongSide, wrong_side
 from recon.voxel_mesh.topology import grid_topology
 
-__all__ = ["FIT", "FLAT", "VoxelBody", "analytic_body", "faceted_body"]
+__all__ = ["DEFLECTION", "FIT", "FLAT", "VoxelBody", "analytic_body", "faceted_body"]
 
 Floats = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def _polyhedron(mesh: TriangleMesh, tolerance: float, bench: Bench) -> Polyhedro
     try:
         return merge_coplanar(mesh, tolerance)
     except NotManifold as problem:
-        bench.note(f"coplanar triangles were not merged ({problem})")
+        bench.note(f"coplanar triangles were not merged ({problem})", name="not-merged")
         faces = tuple(PlanarFace((a, b, c)) for a, b, c in mesh.face_vertices.tolist())
         bodies = tuple(tuple(tuple(shell.tolist()) for shell in body) for body in mesh_bodies(mesh))
         return Polyhedron(mesh.vertices, faces, bodies)
@@ -81,7 +81,7 @@ def analytic_body(grid: VoxelGrid, options: VoxelOptions, *, snap: float | None,
             built = _snapped(part, snap, bench) or _built(part)
         return _analytic(grid, built, bench)
     except NoSolid as problem:
-        bench.note(f"no solid with true faces: {problem} It is made of flat facets instead.")
+        bench.note(f"no solid with true faces: {problem} It is made of flat facets instead.", name="flat-facets")
         body = faceted_body(grid, options, bench=bench)
         kinds = {"planes": 0, "cylinders": 0, "cones": 0, "spheres": 0, "tori": 0}
         figures = body.figures | {"analytic": kinds | {"fallback_faces": body.figures["faces"]}}
@@ -118,10 +118,11 @@ def _snapped(part: AnalyticPart, snap: float | None, bench: Bench) -> Built | No
     try:
         built = _built(part.snapped(snap))
     except NoSolid as problem:
-        bench.note(f"not snapped: {problem}")
+        bench.note(f"not snapped: {problem}", name="not-snapped")
         return None
     if built[3].deepest > SAME:
-        bench.note(f"not snapped: {built[3].centres} voxels would change sides, one by {built[3].deepest:.2f} voxels")
+        changed = f"{built[3].centres} voxels would change sides, one by {built[3].deepest:.2f} voxels"
+        bench.note(f"not snapped: {changed}", name="not-snapped")
         return None
     return built
 
@@ -138,9 +139,10 @@ def _analytic(grid: VoxelGrid, built: Built, bench: Bench) -> VoxelBody:
         ]
     )
     if refused:
-        bench.note(f"{refused} rounded edges were left sharp: the kernel could not round them")
+        bench.note(f"{refused} rounded edges were left sharp: the kernel could not round them", name="left-sharp")
     if wrong.centres:
-        bench.note(f"{wrong.centres} voxel centres lie on the wrong side, the deepest {wrong.deepest:.2f} voxels")
+        wide = f"{wrong.centres} voxel centres lie on the wrong side, the deepest {wrong.deepest:.2f} voxels"
+        bench.note(wide, name="wrong-side")
     kinds = face_kinds(shape)
     figures = {
         "faces_marching_cubes": own.n_faces,

@@ -11,7 +11,8 @@ from OCP.TopoDS import TopoDS_Compound, TopoDS_Shape
 
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.result import result, statistics
-from brep_export.app.voxel_bodies import FIT, FLAT, VoxelBody, analytic_body, faceted_body
+from brep_export.app.scene import Measured, mesh_part
+from brep_export.app.voxel_bodies import DEFLECTION, FIT, FLAT, VoxelBody, analytic_body, faceted_body
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import BUILDER
@@ -19,10 +20,13 @@ from brep_export.faceted_step import faceted_step_size, write_faceted_step
 from brep_export.file_header import FileHeader
 from brep_export.measures import measure
 from brep_export.read_back import STEP_ENDINGS
+from brep_export.triangulation import triangulate
 from recon.errors import BadOption, NotWritten
 from recon.geometry.voxel_grid import Volume, VoxelGrid, binary_grid, volume_labels
+from recon.numerics.distance import closest_points
 from recon.readers.volumes import read_volume
 from recon.tolerance import Tolerance
+from recon.voxel_mesh.marching_cubes import marching_cubes
 from recon.voxel_mesh.pipeline import VoxelOptions
 from recon.voxel_mesh.topology import kept_bodies
 
@@ -30,6 +34,7 @@ __all__ = ["voxels"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
+OFF = "distance of the grid's surface from the solid, mm"
 LARGE = 5_000  # planar faces from which on the kernel's own STEP writer is passed by
 
 
@@ -57,6 +62,7 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
         bench,
         paint=partial(_paint, report),
         beside=straight,
+        measured=partial(_measured, grids, shape),
     )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
@@ -127,7 +133,8 @@ def _cleaned(grid: VoxelGrid, request: Mapping[str, Any], bench: Bench) -> Voxel
     if len(dropped):
         bench.note(
             f"dropped {len(dropped)} bodies of {grid.name}, {int(dropped.sum())} voxels in all, the largest of"
-            f" {int(dropped[0])}; kept {int(solid.sum())} voxels"
+            f" {int(dropped[0])}; kept {int(solid.sum())} voxels",
+            name="dropped",
         )
     return grid.with_solid(solid)
 
@@ -152,7 +159,7 @@ def _written_straight(
     paths = [path for path in request["outputs"] if Path(path).suffix.lower() in STEP_ENDINGS]
     if paths:
         size = faceted_step_size(polyhedron) / 2**20
-        bench.note(f"a STEP file of {len(polyhedron.faces)} planar faces: about {size:.0f} MB")
+        bench.note(f"a STEP file of {len(polyhedron.faces)} planar faces: about {size:.0f} MB", name="large-file")
     measures = measure(solids[0].shape)
 
     def write(path: Path) -> None:
@@ -178,6 +185,24 @@ def _figures(grids: list[VoxelGrid], solids: list[VoxelBody]) -> dict[str, Any]:
         "spacing": grids[0].spacing.tolist(),
         **figures,
     }
+
+
+def _measured(grids: list[VoxelGrid], shape: TopoDS_Shape) -> Measured:
+    """The grids' surface, each of its points coloured by its distance from the shape.
+
+    Not the other way round: a large flat face has corners alone, and they say nothing of its middle.
+    """
+    from brep_export.app.pictures import CLAY
+
+    made = triangulate(shape, DEFLECTION * grids[0].voxel).mesh
+    parts = []
+    for number, grid in enumerate(grids, 1):
+        found = marching_cubes(grid)
+        surface = grid.placed(found.vertices, found.face_vertices)
+        off = closest_points(surface.vertices, made.vertices, made.face_vertices).distances
+        name = "surface of the grid" + (f" {number}" if len(grids) > 1 else "")
+        parts.append(mesh_part(name, surface, CLAY[0], values=off, scale=OFF, shown=False))
+    return Measured(parts)
 
 
 def _paint(report: CheckReport, path: Path) -> None:

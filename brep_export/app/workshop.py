@@ -8,7 +8,8 @@
        clean-up list    <--- ("staged", path) ----   a temporary file exists from now on
        Outcome          <--- ("done", dict) ------   or ("refused", ...) or ("bad input", ...)
 
-Whatever ends the workshop early, the front desk removes the temporary files that it was told of.
+Whatever ends the workshop early, the front desk removes the temporary files that it was told of.  Where the front desk
+itself is killed, the workshop ends with it.
 """
 
 import importlib
@@ -25,6 +26,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from brep_export.app.orphans import die_with_parent
 from recon.errors import InputError, ReconError
 
 __all__ = ["Bench", "Exit", "Outcome", "run"]
@@ -47,19 +49,25 @@ class Outcome:
     result   the JSON object of the command, or None where nothing could be said but `reasons`
     reasons  why it was refused, one sentence each
     trace    where a fault of our own was raised, for a report to the authors
+    cause    `timeout`, `crash`, `memory` or `fault` where the work broke off, and might do better at another time
     """
 
     status: Exit
     result: dict[str, Any] | None = None
     reasons: tuple[str, ...] = ()
     trace: str = ""
+    cause: str = ""
 
 
 @dataclass
 class Bench:
-    """What a job holds while it works: phases that are timed and announced, notes, and staged files."""
+    """What a job holds while it works: phases that are timed and announced, notes, and staged files.
+
+    silenced  names of notes that are kept for the answer and not shown
+    """
 
     send: Callable[[tuple[str, Any]], None]
+    silenced: frozenset[str] = frozenset()
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     started: float = field(default_factory=time.perf_counter)
@@ -81,10 +89,11 @@ class Bench:
     def doing(self, text: str) -> None:
         self.send(("doing", text))
 
-    def note(self, text: str) -> None:
-        """Tell the user something at once, and keep it for the answer."""
+    def note(self, text: str, *, name: str = "") -> None:
+        """Tell the user something at once, unless it is silenced by its name, and keep it for the answer."""
         self.notes.append(text)
-        self.send(("note", text))
+        if name not in self.silenced:
+            self.send(("note", f"{text} [{name}]" if name else text))
 
     def staged(self, path: Path) -> None:
         """Tell the front desk of a temporary file, which it removes if this process cannot."""
@@ -155,12 +164,13 @@ def _listen(
 
 def _late(step: str, timeout: float | None) -> Outcome:
     reason = f"stopped after {timeout:g} s while {step}; nothing was written. Allow more time with --timeout."
-    return Outcome(Exit.REFUSED, reasons=(reason,))
+    return Outcome(Exit.REFUSED, reasons=(reason,), cause="timeout")
 
 
 def _crashed(step: str, exitcode: int | None) -> Outcome:
     name = signal.Signals(-exitcode).name if exitcode is not None and exitcode < 0 else f"exit status {exitcode}"
-    return Outcome(Exit.REFUSED, reasons=(f"the work broke off while {step} ({name}); nothing was written.",))
+    reason = f"the work broke off while {step} ({name}); nothing was written."
+    return Outcome(Exit.REFUSED, reasons=(reason,), cause="crash")
 
 
 def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
@@ -172,7 +182,8 @@ def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
     # matrices are small here: threads of the linear algebra library wait for each other far longer than they work
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    bench = Bench(pipe.send)
+    die_with_parent()
+    bench = Bench(pipe.send, frozenset(request.get("silence") or ()))
     try:
         module, function = job.split(":")
         outcome = Outcome(*getattr(importlib.import_module(module), function)(request, bench))
@@ -180,11 +191,12 @@ def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
         status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
         outcome = Outcome(status, reasons=(str(problem),))
     except MemoryError:
-        outcome = Outcome(Exit.REFUSED, reasons=("not enough memory for this input; nothing was written.",))
+        reason = "not enough memory for this input; nothing was written."
+        outcome = Outcome(Exit.REFUSED, reasons=(reason,), cause="memory")
     except Exception as fault:  # noqa: BLE001 - the last door: a fault of our own must still end in a sentence
         place = traceback.extract_tb(fault.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
         reason = f"a fault in recon-brep itself ({type(fault).__name__}: {fault}; {where})"
-        outcome = Outcome(Exit.REFUSED, reasons=(reason,), trace=traceback.format_exc())
+        outcome = Outcome(Exit.REFUSED, reasons=(reason,), trace=traceback.format_exc(), cause="fault")
     pipe.send(("outcome", outcome))
     pipe.close()

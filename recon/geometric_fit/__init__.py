@@ -7,5 +7,5 @@
        .: :. .:                  \\   /     \\   /                  `-____-'
 
 Paper  [maekawa2009] surfaces fitted without a linear system; [marinov2005] the method it is compared with.
-Start  `recon.geometric_fit.pipeline`.
+Start  `recon.geometric_fit.pipeline`; `spline_fit` for one B-spline or NURBS face, `curve_fit` for rows of points.
 """

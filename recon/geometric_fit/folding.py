@@ -7,15 +7,16 @@ The tangent distance lets control points slide, and where the scan is sharp they
     3. folds that are there already, after a refinement say, are drawn smooth bit by bit
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from recon.geometric_fit.guards import Guards, neighbour_means
 from recon.geometry.control_mesh import ControlMesh
 
-__all__ = ["Step", "stepped", "unfolded"]
+__all__ = ["Step", "smoothed_out", "stepped", "unfolded"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -32,7 +33,14 @@ class Step(NamedTuple):
     folded: Bools
 
 
-def stepped(guards: Guards, old: Floats, new: Floats) -> Step:
+class FoldGuards(Protocol):
+    """What tells which control points (V,) are around folds, and widens such a set by their neighbours."""
+
+    def folded(self, control_points: Floats) -> Bools: ...
+    def widened(self, control_points: Bools) -> Bools: ...
+
+
+def stepped(guards: FoldGuards, old: Floats, new: Floats) -> Step:
     """The step, shortened where it would fold the surface.
 
     Where halving does not help, the step is taken back with that of all neighbours: what did not fold before does not
@@ -56,10 +64,14 @@ def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
 
     Where no way leads out of all folds, the state with the fewest is kept.
     """
-    points = mesh.vertices
+    points, fewest = smoothed_out(mesh.vertices, guards, neighbour_means(mesh))
+    return mesh.with_vertices(points), fewest
+
+
+def smoothed_out(points: Floats, guards: FoldGuards, means: sparse.csr_array) -> tuple[Floats, int]:
+    """The same of control points (V, 3) with the matrix of their neighbours' means."""
     folded = guards.folded(points)
     best, fewest = points, int(folded.sum())
-    means = neighbour_means(mesh)
     for _ in range(UNFOLDINGS):
         if not folded.any():
             break
@@ -67,4 +79,4 @@ def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
         folded = guards.folded(points)
         if folded.sum() < fewest:
             best, fewest = points, int(folded.sum())
-    return mesh.with_vertices(best), fewest
+    return best, fewest

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import splu
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import boundary_loops
 
-__all__ = ["close_holes"]
+__all__ = ["close_holes", "cotangents", "fill_loops"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,12 +31,17 @@ LEAST_COTANGENT = 1e-2  # a sliver keeps a little of its weight: the skin must n
 def close_holes(scan: TriangleMesh) -> tuple[TriangleMesh, int]:
     """The scan with every hole filled, and how many there were; new vertices follow the old ones."""
     loops = boundary_loops(scan.face_vertices)
+    return fill_loops(scan, loops), len(loops)
+
+
+def fill_loops(scan: TriangleMesh, loops: list[Ints]) -> TriangleMesh:
+    """The scan with these of its borders filled; new vertices and faces follow the old ones."""
     if not loops:
-        return scan, 0
+        return scan
     vertices, faces = scan.vertices, scan.face_vertices
     for loop in loops:
         vertices, faces = _with_rings(vertices, faces, loop)
-    return TriangleMesh(_thin_plate(vertices, faces, scan.n_vertices), faces, scan.name), len(loops)
+    return TriangleMesh(_thin_plate(vertices, faces, scan.n_vertices), faces, scan.name)
 
 
 def _with_rings(vertices: Floats, faces: Ints, loop: Ints) -> tuple[Floats, Ints]:
@@ -62,7 +67,7 @@ def _with_rings(vertices: Floats, faces: Ints, loop: Ints) -> tuple[Floats, Ints
 
 def _thin_plate(vertices: Floats, faces: Ints, n_fixed: int) -> Floats:
     """Vertices from n_fixed on moved to where the squared Laplacian is least, the others as they are."""
-    weights = _cotangents(vertices, faces)
+    weights = cotangents(vertices, faces)
     laplacian = sparse.diags_array(np.asarray(weights.sum(axis=1)).ravel()) - weights
     near = np.unique(faces[(faces >= n_fixed).any(axis=1)])
     # the integral of the squared Laplacian: each row is an integral over the area around its vertex
@@ -76,7 +81,7 @@ def _thin_plate(vertices: Floats, faces: Ints, n_fixed: int) -> Floats:
     return moved
 
 
-def _cotangents(vertices: Floats, faces: Ints) -> sparse.csr_array:
+def cotangents(vertices: Floats, faces: Ints) -> sparse.csr_array:
     """(V, V) half the sum of the cotangents across each edge."""
     rows, columns, values = [], [], []
     for i in range(3):

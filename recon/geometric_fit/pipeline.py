@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadGeometry, NoSurface, NotManifold
+from recon.errors import BadGeometry, NoSurface
 from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.creases import n_loose_ends, with_creases
@@ -32,12 +32,12 @@ from recon.geometric_fit.options import FitOptions, FittedSurface
 from recon.geometric_fit.quad_mesh import initial_quads
 from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
 from recon.geometric_fit.relaxation import relaxed
-from recon.geometric_fit.scan_data import scan_data
+from recon.geometric_fit.reweighting import reweighed
+from recon.geometric_fit.scan_data import refuse_tangles, scan_data
 from recon.geometric_fit.sharpening import SharpScan, sharpened
-from recon.geometric_fit.updates import Pull, Updater
+from recon.geometric_fit.updates import Pull, Updater, rows_for
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.halfedges import edge_table
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches, Scheme, limit_patches
 
@@ -55,7 +55,6 @@ FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the da
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
 EASING = 1.4  # times less stiff a round where it would not
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
-OUTLYING = 2.5  # standard deviations from where on a point counts little, where outliers are expected
 GROWTH = 1.5  # times more control points a cycle, where only a tolerance is given
 FOLD_COST = 3.0  # times the error: what a fit that folds must be better by than one that does not
 STAGNATION = 0.01  # a cycle that lowers neither error by this share brings no more
@@ -74,7 +73,7 @@ def fit_surface(
     chosen = options or FitOptions()
     if scan.n_faces < 4:
         raise NoSurface(f"{scan.name} has {scan.n_faces} triangles; a surface cannot be fitted to so few.")
-    _refuse_tangles(scan)
+    refuse_tangles(scan)
     # the matrices are small: threads of the linear algebra library wait for each other longer than they work
     with threadpool_limits(limits=1, user_api="blas"):
         return _sharp_or_smooth(scan, chosen, doing)
@@ -100,18 +99,6 @@ def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[s
     if sharp is None:
         return smooth
     return min((sharp, smooth), key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
-
-
-def _refuse_tangles(scan: TriangleMesh) -> None:
-    """Raise NotManifold for a scan with an edge that no surface has."""
-    table = edge_table(scan.face_vertices)
-    for edges, problem in (
-        (table.overused(), "edges with more than two faces"),
-        (table.misoriented(), "edges whose two faces disagree about what is outside"),
-    ):
-        if len(edges):
-            where = scan.vertices[edges[0]].mean(axis=0).tolist()
-            raise NotManifold(scan.name, f"{len(edges)} {problem}, where no surface can be fitted", where)
 
 
 class _Fit:
@@ -220,9 +207,8 @@ class _Fit:
             if number % 2 == 0 or strays is None:
                 allowed = STRAY * float(np.sqrt(np.mean(self._distances(feet) ** 2)))
                 strays = guards.strays(points, allowed)
-            pull = self._pull(patches, points, feet, (strays, borders.pull(points)))
-            pull = pull._replace(faces=_faces(mesh), fairness=energy)
-            step = stepped(guards, points, updater.moved(patches, points, pull))
+            pull = self._pull(mesh, patches, (points, feet), (strays, borders.pull(points)))
+            step = stepped(guards, points, updater.moved(points, pull._replace(fairness=energy)))
             points = step.points
             if step.folding.any():
                 eased = np.maximum(stiffness / EASING, usual)
@@ -244,33 +230,30 @@ class _Fit:
         n = self._scan.n_measured
         return np.linalg.norm(feet.positions[:n] - self._scan.points[:n], axis=1)
 
-    def _pull(self, patches: LimitPatches, control_points: Floats, feet: Feet, more: tuple[Strays, BorderPull]) -> Pull:
+    def _pull(
+        self, mesh: ControlMesh, patches: LimitPatches, at: tuple[Floats, Feet], more: tuple[Strays, BorderPull]
+    ) -> Pull:
         """Data points, those of them that pull sideways, and samples that stay where they are in their patches."""
+        (control_points, feet), (strays, border) = at, more
         scan, points = self._scan, patches.points @ control_points
-        strays, border = more
-        at = strays.feet
-        positions = points_at(patches.arrays, points, at.patch, at.v, at.w, 1)[:, 0]
+        astray = strays.feet
+        positions = points_at(patches.arrays, points, astray.patch, astray.v, astray.w, 1)[:, 0]
         beside, conormals = sideways(patches, points, feet)
         again = feet.chosen(beside)._replace(normals=conormals)
-        parts = (feet, again, at._replace(positions=positions), border.feet)
+        parts = (feet, again, astray._replace(positions=positions), border.feet)
         all_feet = joined(parts)
         targets = np.concatenate([scan.points, scan.points[beside], strays.targets, border.targets])
         # as much as the data points along it
         along = np.sqrt(scan.n_measured / len(control_points)) / 4.0
-        others = np.repeat([STRAY_WEIGHT, along], [len(at.patch), len(border.targets)])
+        others = np.repeat([STRAY_WEIGHT, along], [len(astray.patch), len(border.targets)])
         weights = np.concatenate([self._weights, self._weights[beside], others])
-        return Pull(all_feet, targets, weights, np.empty((0, 3), dtype=np.int64), patches.points[:0])
+        rows = rows_for(self._options.update, patches, all_feet, _faces(mesh))
+        return Pull(rows, targets - all_feet.positions, all_feet.normals, weights, patches.points[:0])
 
     def _reweigh(self, feet: Feet) -> None:
         """Points far off count more from round to round, up to 37 times: the largest error falls. Or less: robust."""
         distance = np.linalg.norm(feet.positions - self._scan.points, axis=1)
-        if self._options.robust:
-            usual = 1.4826 * float(np.median(distance[: self._scan.n_measured]))
-            self._weights = self._scan.weights / (1.0 + (distance / max(OUTLYING * usual, 1e-300)) ** 2) ** 2
-            return
-        spread = float(np.sqrt(np.mean(self._distances(feet) ** 2)))
-        far = np.minimum(distance / max(3.0 * spread, 1e-300), 6.0) ** 2
-        self._weights = 0.5 * self._weights + 0.5 * self._scan.weights * (1.0 + far)
+        self._weights = reweighed(self._weights, self._scan, distance, robust=self._options.robust)
 
     def _note(self, mesh: ControlMesh, feet: Feet) -> Norms:
         errors = norms(self._distances(feet), self._scan.diagonal)

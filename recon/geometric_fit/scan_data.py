@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from recon.errors import NotManifold
 from recon.geometric_fit.sharpening import SharpScan
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree, nearest_on_triangles
 from recon.numerics.halfedges import edge_table, free_edges, vertex_normals
 
-__all__ = ["ScanData", "fold_places", "scan_data"]
+__all__ = ["ScanData", "fold_places", "refuse_tangles", "scan_data"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -182,3 +183,15 @@ def fold_places(vertices: Floats, faces: Ints) -> Floats:
     normal = np.cross(b - a, c - a)
     turned = np.einsum("ij,ij->i", normal[face[pair]], normal[face[pair + 1]]) < FOLD
     return vertices[table.edges[edge[pair[turned]]]].mean(axis=1)
+
+
+def refuse_tangles(scan: TriangleMesh) -> None:
+    """Raise NotManifold for a scan with an edge that no surface has."""
+    table = edge_table(scan.face_vertices)
+    for edges, problem in (
+        (table.overused(), "edges with more than two faces"),
+        (table.misoriented(), "edges whose two faces disagree about what is outside"),
+    ):
+        if len(edges):
+            where = scan.vertices[edges[0]].mean(axis=0).tolist()
+            raise NotManifold(scan.name, f"{len(edges)} {problem}, where no surface can be fitted", where)

@@ -23,6 +23,8 @@ __all__ = ["SplineSpace"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+EVENINGS = 4  # times that the size of each span becomes more like those beside it
+
 
 @dataclass(frozen=True, eq=False)
 class SplineSpace:
@@ -85,10 +87,32 @@ class SplineSpace:
 
     def curve(self, control: Floats) -> BSplineCurve:
         """The clamped B-spline curve of control points (n_control, d); a periodic one begins and ends at its seam."""
-        knots = clamped_knots(self.breaks, self.degree)
+        return BSplineCurve(self.degree, clamped_knots(self.breaks, self.degree), self.clamped(control))
+
+    def clamped(self, control: Floats) -> Floats:
+        """(m, d) control points over a clamped knot vector; those of a periodic space begin and end at its seam."""
         if not self.periodic:
-            return BSplineCurve(self.degree, knots, control)
+            return control
+        knots = clamped_knots(self.breaks, self.degree)
         at = np.clip(greville(knots, self.degree), knots[0], knots[-1])
         clamped = make_interp_spline(at, self.rows(at) @ control, k=self.degree, t=knots).c
         clamped[-1] = clamped[0]
-        return BSplineCurve(self.degree, knots, clamped)
+        return np.asarray(clamped)
+
+    def evened(self) -> "SplineSpace":
+        """The space with breaks moved so that spans grow and shrink from one to the next by little."""
+        sizes = np.log(np.diff(self.breaks))
+        for _ in range(EVENINGS):
+            wide = np.pad(sizes, 1, mode="wrap" if self.periodic else "edge")
+            sizes = 0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:]
+        length = self.breaks[-1] - self.breaks[0]
+        inner = np.cumsum(np.exp(sizes))[:-1] * length / np.exp(sizes).sum()
+        return SplineSpace(
+            self.degree, np.concatenate([self.breaks[:1], self.breaks[0] + inner, self.breaks[-1:]]), self.periodic
+        )
+
+    def rolled(self, number: int, control: Floats) -> tuple["SplineSpace", Floats]:
+        """A periodic space with its seam at another of its breaks, and the control points there of the same curve."""
+        period = self.breaks[-1] - self.breaks[0]
+        breaks = np.concatenate([self.breaks[number:-1], self.breaks[: number + 1] + period])
+        return SplineSpace(self.degree, breaks, True), np.roll(control, -number, axis=0)

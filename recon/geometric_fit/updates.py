@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from recon.geometric_fit.foot_points import Feet
-from recon.geometric_fit.tangent_distance import Metric, basis_rows, tangent_distance_move
+from recon.geometric_fit.tangent_distance import BasisRows, Metric, basis_rows, tangent_distance_move
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Pull", "Update", "Updater"]
+__all__ = ["Pull", "Update", "Updater", "rows_for"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -44,18 +44,31 @@ class Update(StrEnum):
 class Pull(NamedTuple):
     """What pulls at the surface in one round.
 
-    feet      (N) places on the surface, with the normals of the planes the residuals are measured to
-    targets   (N, 3) where each should come to
-    weights   (N,) how much it counts
-    faces     (F, k) the control faces, three- or four-sided
-    fairness  (V, V) sparse energy of the control mesh
+    rows      (N, V) shares of the control points in each place: those that the rule weighs with (`rows_for`)
+    residuals (N, 3) from each place to where it should come to
+    normals   (N, 3) of the planes the residuals are measured to
+    weights   (N,) how much each counts
+    fairness  (V, V) sparse energy of the control points
     """
 
-    feet: Feet
-    targets: Floats
+    rows: BasisRows
+    residuals: Floats
+    normals: Floats
     weights: Floats
-    faces: Ints
     fairness: sparse.csr_array
+
+
+def rows_for(rule: Update, patches: LimitPatches, feet: Feet, faces: Ints) -> BasisRows:
+    """What a rule weighs error vectors with at feet on a subdivision surface.
+
+    faces  (F, k) the control faces, three- or four-sided
+    """
+    if rule is not Update.PATENT:
+        return basis_rows(patches, feet)
+    k = faces.shape[1]
+    shares = _control_barycentric(feet) if k == 3 else _control_bilinear(feet)
+    columns = faces[np.minimum(feet.patch // 4, len(faces) - 1)]
+    return BasisRows(np.arange(0, k * len(shares) + 1, k), columns.ravel().astype(np.int32), shares.ravel())
 
 
 class Updater:
@@ -68,26 +81,24 @@ class Updater:
         self._moves: list[Floats] = []
         self._points: list[Floats] = []
 
-    def moved(self, patches: LimitPatches, control_points: Floats, pull: Pull) -> Floats:
+    def moved(self, control_points: Floats, pull: Pull) -> Floats:
         """(V, 3) the control points after the round."""
         if self._rule in (Update.TANGENT, Update.LEAST_SQUARES):
-            return control_points + self._solved(patches, control_points, pull)
-        move = _mean_move(patches, len(control_points), pull, hat=self._rule is Update.PATENT)
+            return control_points + self._solved(control_points, pull)
+        move = _mean_move(len(control_points), pull)
         if self._rule is Update.NESTEROV:
             return self._with_momentum(control_points + move)
         if self._rule is Update.ANDERSON:
             return self._combined(control_points, move)
         return control_points + move
 
-    def _solved(self, patches: LimitPatches, control_points: Floats, pull: Pull) -> Floats:
-        rows = basis_rows(patches, pull.feet)
-        residuals = pull.targets - pull.feet.positions
+    def _solved(self, control_points: Floats, pull: Pull) -> Floats:
         if self._rule is Update.TANGENT:
-            metric = Metric(pull.feet.normals, pull.weights, TANGENT_SHARE)
-            return tangent_distance_move(rows, residuals, metric, pull.fairness, control_points)
-        metric = Metric(np.zeros_like(pull.feet.normals), pull.weights, 1.0)
+            metric = Metric(pull.normals, pull.weights, TANGENT_SHARE)
+            return tangent_distance_move(pull.rows, pull.residuals, metric, pull.fairness, control_points)
+        metric = Metric(np.zeros_like(pull.normals), pull.weights, 1.0)
         return tangent_distance_move(
-            rows, residuals, metric, pull.fairness, control_points, accuracy=1e-6, max_iterations=300
+            pull.rows, pull.residuals, metric, pull.fairness, control_points, accuracy=1e-6, max_iterations=300
         )
 
     def _with_momentum(self, stepped: Floats) -> Floats:
@@ -111,19 +122,11 @@ class Updater:
         return control_points + move - ((travel + change) @ share).reshape(move.shape)
 
 
-def _mean_move(patches: LimitPatches, n_control: int, pull: Pull, *, hat: bool) -> Floats:
-    """sum u e / sum u for every control point; u is its barycentric coordinate, or its basis function."""
-    if hat:
-        k = pull.faces.shape[1]
-        shares = _control_barycentric(pull.feet) if k == 3 else _control_bilinear(pull.feet)
-        rows = np.repeat(np.arange(len(shares)), k)
-        columns = pull.faces[np.minimum(pull.feet.patch // 4, len(pull.faces) - 1)].ravel()
-        weights = sparse.csr_array(sparse.coo_array((shares.ravel(), (rows, columns)), shape=(len(shares), n_control)))
-    else:
-        weights = basis_rows(patches, pull.feet).matrix(n_control)
-    scaled = sparse.csr_array(sparse.diags_array(pull.weights) @ weights)
+def _mean_move(n_control: int, pull: Pull) -> Floats:
+    """sum u e / sum u for every control point; u is its share in the place of the error vector e."""
+    scaled = sparse.csr_array(sparse.diags_array(pull.weights) @ pull.rows.matrix(n_control))
     total = np.asarray(scaled.sum(axis=0)).ravel()[:, None]
-    pulled = scaled.T @ (pull.targets - pull.feet.positions)
+    pulled = scaled.T @ pull.residuals
     return np.divide(pulled, total, out=np.zeros((n_control, 3)), where=total > 1e-12)
 
 

@@ -44,11 +44,15 @@ from recon.numerics.distance import TriangleTree
 from recon.numerics.foot_points import foot_points
 from recon.numerics.polygons import within
 
-__all__ = ["BOUND", "SHARE", "Confidence", "WallConfidence", "confidence"]
+__all__ = ["ASSUMED", "BOUND", "SHARE", "Confidence", "WallConfidence", "confidence"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+ASSUMED = (
+    "nothing stood on the lost sherd alone: of a handle, a spout or a stamp that left no trace on its neighbours no"
+    " expected error knows"
+)
 SHARE, BOUND = 0.9, 1.645  # of points, within so many σ: of a normal law, and kept on the vessels of the tests
 MOST_FACES = 6000  # of a wall that is fitted again without each sherd; the fits differ by far more than this loses
 GRID = 24  # points a direction where the fits are compared

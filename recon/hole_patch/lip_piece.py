@@ -46,7 +46,7 @@ PACE = 0.3  # what a millimetre of uneven pace along the chains counts beside on
 EVEN = 0.1  # share of an even pace in the pairs: no station stands still while the other chain goes on
 ON_SHEET = 1e-3  # mm by which the fracture may leave the face between stations
 HALVINGS = 4  # of the steps between stations where it does
-LEVELLED = 0.7  # mm along the edge over which its directions are averaged
+LEVELLED = 0.5  # of the median rung, along the edge over which its directions are averaged
 FARTHEST = 0.5  # of the length of a rung: more relief than that would not fit beside the lip
 SAMPLES = 8  # points of the loop in a span of its curves, to measure lengths on
 
@@ -222,7 +222,8 @@ def _band(chains: tuple[_Chain, _Chain], pairs: Floats) -> FractureBand:
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """Directions at the stations on one chain, as they are in the mean over `LEVELLED` of the loop.
+    """Directions at the stations on one chain, as they are in the mean over a stretch of the loop: at the tip of a
+    spike rungs that followed every turn of the edge would cross.
 
     along   (n, 3) along the edge, counter-clockwise seen from outside the vessel on the outer wall
     inward  (n, 3) into the material
@@ -242,7 +243,8 @@ class _Side:
         uv = np.concatenate([chains[0].at(at[first]), chains[1].at(whole - at[~first])])
         surface = chains[0].trimmed.surface
         points, out = surface.point(uv), surface.normal(uv)
-        width = LEVELLED * n / whole
+        rungs = [chain.points(column) for chain, column in zip(chains, pairs.T)]
+        width = LEVELLED * float(np.median(np.linalg.norm(rungs[0] - rungs[1], axis=1))) * n / whole
         along = gaussian_filter1d(np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0), width, axis=0, mode="wrap")
         out = gaussian_filter1d(out, width, axis=0, mode="wrap")
         place = pairs[:, 0] if row == 0 else whole - pairs[:, 1]

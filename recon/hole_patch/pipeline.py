@@ -10,7 +10,7 @@ the hole's edge, but says little about the inside of the hole. `WHEEL`, the defa
 granted about its vessels: that they were thrown on a wheel, so that axis and profile are known all around.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadOption, NoHole, NoSurface, NoWall
+from recon.errors import BadGeometry, BadOption, NoHole, NoSurface, NoWall
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.hole_patch.axis import KEPT_TO
@@ -28,6 +28,7 @@ from recon.hole_patch.hole import Hole
 from recon.hole_patch.lip_piece import lip_piece
 from recon.hole_patch.relief import ReliefSheet, continue_relief
 from recon.hole_patch.rim_check import check_rim_piece
+from recon.hole_patch.second_look import LEASTS, look_again
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.sherds import Reading, read_sherds, separate, surroundings_in, what_was_found
@@ -49,9 +50,11 @@ __all__ = [
     "list_holes",
     "patch_hole",
     "patch_holes",
+    "patch_readings",
 ]
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 LEAST_SUPPORT = 0.75  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, round ones 0.9 to 1; below it
 # the wall around the hole must bear the wheel out
@@ -188,10 +191,24 @@ def patch_hole(
     Raises   NoHole, NoSurface, NoWall, BadOption, BadGeometry.
     Paper    [kinoshita], sections 3.1, 3.2 and 3.4.
     """
+    return next(patch_readings(sherds, options, doing=doing))
+
+
+def patch_readings(
+    sherds: Sequence[TriangleMesh],
+    options: PatchOptions | None = None,
+    *,
+    doing: Callable[[str], None] = lambda step: None,
+) -> Iterator[MissingPiece]:
+    """The piece, then the same from other readings of where wall ends and fracture begins, each made when asked for.
+
+    Slanted fracture looks like wall, and no one limit between them is right for all breaks: where the first piece is no
+    sound shape, the next may be. Parameters and errors as of `patch_hole`, these where no reading gives a piece.
+    """
     # the matrices are small: threads of the linear algebra library wait for each other ten times as long as they work
     with threadpool_limits(limits=1, user_api="blas"):
         options = options or PatchOptions()
-        return _piece(_found(sherds, options, doing), options, doing)
+        yield from _pieces(_found(sherds, options, doing), options, doing)
 
 
 def patch_holes(
@@ -249,16 +266,42 @@ def _attempt(number: int, found: HolesFound, options: PatchOptions, doing: Calla
     if hole.problem:
         return Attempt(number, hole, None, f"it cannot be patched: {hole.problem}.")
     try:
-        piece = _piece(found, replace(options, hole=number), lambda step: doing(f"hole {number}: {step}"))
+        piece = next(_pieces(found, replace(options, hole=number), lambda step: doing(f"hole {number}: {step}")))
     except (NoHole, NoSurface, NoWall) as refusal:
         return Attempt(number, hole, None, str(refusal))
     return Attempt(number, hole, piece)
 
 
-def _piece(found: HolesFound, options: PatchOptions, doing: Callable[[str], None]) -> MissingPiece:
+def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], None]) -> Iterator[MissingPiece]:
+    """A piece for each reading of the walls that differs from those before, the likeliest first."""
     near = None if options.picks is None else options.picks.mean(axis=0)
-    around = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
+    first = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
+    seen: list[Flags] = []
+    refusal, any_made = None, False
+    for least in LEASTS:
+        around, misread = look_again(found.reading, first, pass_band=options.pass_band, least=least)
+        if any(np.array_equal(misread, before) for before in seen):
+            continue
+        seen.append(misread)
+        try:
+            piece = _piece(around, int(misread.sum()), found, options, doing)
+        except (NoHole, NoSurface, NoWall, BadGeometry) as error:
+            refusal = refusal or error
+            continue
+        any_made = True
+        yield piece
+    if refusal is not None and not any_made:
+        raise refusal
+
+
+def _piece(
+    around: Surroundings, misread: int, found: HolesFound, options: PatchOptions, doing: Callable[[str], None]
+) -> MissingPiece:
     method, notes = _road(around, options)
+    if misread:
+        notes += (
+            f"{misread} faces beside the hole lie too deep under the wall to be wall: they were taken for fracture.",
+        )
     notes += () if found.settling is None else (found.settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)

@@ -13,10 +13,14 @@ Each place where it fits is a candidate: what the wall shows there within the ri
     score    Σ t h / sqrt(Σ t² m Σ h² m_t), the normalised correlation where both are known
     A, B     heights of every candidate on the ring and in the hole, a row each
     x        weights of the candidates: minimise Σ_ring w (x A - t)² + λ |x|²; the hole gets x B
-    w        one weight for all cells, or near cells first, for each row or each patch of the hole by itself
+    w        one weight for all cells, or near cells first, for each row or each patch of the hole by itself; cells that
+             all the others contradict lose theirs: where a band of cords was begun and ended its phase jumps, and the
+             mean of both phases is no cord
+
+A band that was rolled on the turning vessel repeats at its own height alone: for it candidates are turned, no more.
 
 Paper  [padfield2012], masked correlation by Fourier transforms; [roweis2000], weights that rebuild a neighbourhood;
-       [buades2005], means over like surroundings.
+       [buades2005], means over like surroundings; [geman1987] for the weights of contradicted cells.
 """
 
 from collections.abc import Sequence
@@ -43,6 +47,8 @@ RING_KNOWN, HOLE_KNOWN = 0.6, 0.7  # least share of ring and hole that a candida
 LESSONS = 1500  # cells of the ring that weights are learned from
 EXAMINED = 800  # cells of a sector that was left out
 BORNE = 1.5  # mm along the profile, standard deviation: narrower than cords are wide, wider than single cells
+ROUNDS = 6  # of fitting weights and leaving contradicted cells out
+CALM = 0.1  # of the liveliest row's height, below which no row's relief is taken to be when its misses are judged
 ALOOF = 1e-3  # what a far cell counts beside a near one: it steadies patches that see little of the ring
 
 
@@ -55,6 +61,7 @@ class Recipe:
     apart    least distance in cells between two of them
     ridge    λ as a share of the candidates' summed power, or None for the mean, weighted by score⁴
     reach    millimetres in u and s around every patch from which its weights are learned
+    turned   whether candidates may only be turned about the axis, neither moved along the profile nor mirrored
     """
 
     regular: bool
@@ -62,6 +69,12 @@ class Recipe:
     apart: int
     ridge: float | None = None
     reach: tuple[float, float] = (np.inf, np.inf)
+    turned: bool = False
+
+    @property
+    def places(self) -> tuple[int, int, bool]:
+        """What decides which candidates it takes."""
+        return self.count, self.apart, self.turned
 
 
 RECIPES = (
@@ -69,6 +82,7 @@ RECIPES = (
     *(Recipe(True, 100, 2, ridge) for ridge in (1e-3, 1e-2)),
     *(Recipe(False, 100, 2, ridge, (np.inf, 4.0)) for ridge in (1e-3, 1e-2)),
     Recipe(False, 100, 2, 1e-3, (4.0, 4.0)),
+    Recipe(False, 200, 0, 1e-2, (8.0, 4.0), turned=True),
 )
 
 
@@ -118,12 +132,21 @@ class ReliefSearch:
         """(m,) heights at cells (m, 2)."""
         return np.asarray(self.height[tuple(cells.T)])
 
-    def candidates(self, taught: Sequence[int], *, count: int, apart: int) -> Candidates:
-        """At most `count` places that fit the given sectors of the ring best, `apart` or more cells from each other."""
+    @property
+    def liveliness(self) -> Floats:
+        """(ns,) root mean square of the known heights of every row along the profile."""
+        return np.asarray(np.sqrt((self.height**2).sum(axis=0) / np.maximum(self.known.sum(axis=0), 1)))
+
+    def candidates(self, taught: Sequence[int], *, count: int, apart: int, turned: bool = False) -> Candidates:
+        """At most `count` places that fit the given sectors of the ring best, `apart` or more cells from each other;
+        on request only those that are turned about the axis, also where the wall there runs the other way.
+        """
         both, ring, wall, cells = self._sums[list(taught)].sum(axis=0)
         score = both / np.sqrt(np.maximum(ring * wall, 1e-9))
         score[cells < RING_KNOWN * len(self.ring(taught))] = -1.0
-        fit = np.flatnonzero((score > 0.0) & self._are_peaks(score, apart))
+        if turned:
+            score[(self._places[:, 0] > 0) | (self._places[:, 2] != 0)] = -1.0
+        fit = np.flatnonzero((score > (-1.0 if turned else 0.0)) & self._are_peaks(score, apart))
         best = fit[np.argsort(-score[fit], kind="stable")[:count]]
         mirror, shift = self._places[best, 0], self._places[best, 1:].copy()
         shift[:, 1] -= np.where(shift[:, 1] > self._size[1] // 2, self._size[1], 0)
@@ -159,14 +182,17 @@ def predicted(search: ReliefSearch, recipes: Sequence[Recipe], taught: Sequence[
     """(recipes, m) heights at cells (m, 2) by recipes that see the given sectors of the ring; 0 without candidates."""
     heights = np.zeros((len(recipes), len(cells)))
     ring = _thinned(search.ring(taught), LESSONS)
-    for count, apart in {(recipe.count, recipe.apart) for recipe in recipes}:
-        places = search.candidates(taught, count=count, apart=apart)
+    for count, apart, turned in {recipe.places for recipe in recipes}:
+        places = search.candidates(taught, count=count, apart=apart, turned=turned)
         if not len(places.score):
             continue
         there, known = search.heights(places, cells)
-        lesson = _Lesson(search.heights(places, ring)[0], search.at(ring), ring * search.cell)
+        lively = search.liveliness
+        usual = np.maximum(lively, CALM * lively.max())[ring[:, 1]]
+        examples = search.heights(places, ring)[0].astype(np.float32)
+        lesson = _Lesson(examples, search.at(ring), ring * search.cell, usual)
         for k, recipe in enumerate(recipes):
-            if (recipe.count, recipe.apart) != (count, apart):
+            if recipe.places != (count, apart, turned):
                 continue
             if recipe.ridge is None:
                 weight = places.score[:, None] ** 4
@@ -214,12 +240,22 @@ def foretell(search: ReliefSearch) -> Foretelling:
 
 def _borne_out(rows: Ints, guess: Floats, true: Floats, search: ReliefSearch) -> Floats:
     """(ns,) slope of true over guessed heights, 0 to 1, over cells within `BORNE` of every row."""
-    n = search.hole.shape[1]
+    lively = search.liveliness
+    usual = np.maximum(lively, CALM * lively.max())[rows]
+    heed = np.ones(len(rows))
+    for _ in range(ROUNDS):
+        slope = _slopes(rows, guess, true, heed, search)
+        heed = _heeded((slope[rows] * guess - true) / usual)
+    return _slopes(rows, guess, true, heed, search)
+
+
+def _slopes(rows: Ints, guess: Floats, true: Floats, heed: Floats, search: ReliefSearch) -> Floats:
     width = BORNE / float(search.cell[1])
     both, power = (
-        ndimage.gaussian_filter1d(np.bincount(rows, x, n), width, mode="constant") for x in (guess * true, guess**2)
+        ndimage.gaussian_filter1d(np.bincount(rows, heed * x, search.hole.shape[1]), width, mode="constant")
+        for x in (guess * true, guess**2)
     )
-    whole = float((guess * true).sum()) / max(float((guess**2).sum()), 1e-12)
+    whole = float((heed * guess * true).sum()) / max(float((heed * guess**2).sum()), 1e-12)
     # rows that no cell of the ring lies in are trusted as the whole is
     little = 1e-3 * power.max()
     return np.asarray(np.clip((both + little * whole) / (power + little + 1e-15), 0.0, 1.0))
@@ -227,31 +263,57 @@ def _borne_out(rows: Ints, guess: Floats, true: Floats, search: ReliefSearch) ->
 
 @dataclass(frozen=True, eq=False)
 class _Lesson:
-    """What weights are learned from: (k, m) heights of candidates on the ring, (m,) true ones, (m, 2) places in mm."""
+    """What weights are learned from: (k, m) heights of candidates on the ring, (m,) true ones, (m, 2) places in mm,
+    (m,) usual height of the relief in their rows.
 
-    examples: Floats
+    Single precision halves the time of the sums over the ring; the ridge is ten thousand times its rounding.
+    """
+
+    examples: NDArray[np.float32]
     truth: Floats
     place: Floats
+    usual: Floats
 
     def predicted(self, there: Floats, place: Floats, recipe: Recipe) -> Floats:
         """(n,) heights at places (n, 2), where the candidates show `there` (k, n)."""
         reach = np.array(recipe.reach)
         near, far = self.place / reach, place / reach
-        _, patch = np.unique(np.floor(far / 1.5), axis=0, return_inverse=True)
-        middles = np.stack([np.bincount(patch.ravel(), x) / np.bincount(patch.ravel()) for x in far.T], axis=1)
-        weights = np.stack([self._weights(near, middle, recipe) for middle in middles])
-        share = np.exp(-0.5 * cdist(far, middles, "sqeuclidean"))
-        share /= share.sum(axis=1, keepdims=True)
-        return np.asarray(np.einsum("nk,kn->n", share @ weights, there))
+        middles = _patch_middles(far)
+        trust = np.ones(len(near))
+        for _ in range(ROUNDS if recipe.turned else 0):
+            weights = np.stack([self._weights(near, trust, middle, recipe) for middle in middles])
+            trust = _heeded((_blended(weights, self.examples, near, middles) - self.truth) / self.usual)
+        weights = np.stack([self._weights(near, trust, middle, recipe) for middle in middles])
+        return _blended(weights, there, far, middles)
 
-    def _weights(self, near: Floats, middle: Floats, recipe: Recipe) -> Floats:
+    def _weights(self, near: Floats, trust: Floats, middle: Floats, recipe: Recipe) -> Floats:
         assert recipe.ridge is not None  # a mean has no lesson
         away = ((near - middle) ** 2).sum(axis=1)
-        heed = np.exp(-0.5 * (away - away.min())) + ALOOF
-        weighted = self.examples * heed
-        gram = weighted @ self.examples.T
+        heed = (np.exp(-0.5 * (away - away.min())) + ALOOF) * trust
+        weighted = self.examples * heed.astype(np.float32)
+        gram = np.asarray(weighted @ self.examples.T, dtype=np.float64)
         ridge = recipe.ridge * np.trace(gram) + 1e-12
         return np.asarray(cho_solve(cho_factor(gram + ridge * np.eye(len(gram))), weighted @ self.truth))
+
+
+def _patch_middles(place: Floats) -> Floats:
+    """(p, 2) mean places of the patches, 1.5 reaches wide, that places (n, 2) in reaches fall into."""
+    _, patch = np.unique(np.floor(place / 1.5), axis=0, return_inverse=True)
+    return np.stack([np.bincount(patch.ravel(), x) / np.bincount(patch.ravel()) for x in place.T], axis=1)
+
+
+def _blended(weights: Floats, heights: Floats | NDArray[np.float32], place: Floats, middles: Floats) -> Floats:
+    """(n,) sums of heights (k, n) at places (n, 2), by weights (p, k) of the patches around."""
+    away = cdist(place, middles, "sqeuclidean")
+    share = np.exp(-0.5 * (away - away.min(axis=1, keepdims=True)))
+    share /= share.sum(axis=1, keepdims=True)
+    return np.asarray(np.einsum("nk,kn->n", share @ weights, heights))
+
+
+def _heeded(missed: Floats) -> Floats:
+    """(m,) weights of cells that were missed by so much: half of the cells keep nearly all of theirs."""
+    scale = 1.4826 * float(np.median(np.abs(missed)))
+    return np.asarray((1.0 + (missed / max(2.0 * scale, 1e-12)) ** 2) ** -2)
 
 
 def _thinned(cells: Ints, most: int) -> Ints:

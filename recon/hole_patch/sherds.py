@@ -8,7 +8,7 @@ Paper  [kinoshita], sections 3.1 and 3.4 step 1, where the edge is picked by han
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -47,6 +47,7 @@ __all__ = [
     "surroundings",
     "surroundings_in",
     "what_was_found",
+    "with_fracture",
 ]
 
 Floats = NDArray[np.float64]
@@ -73,6 +74,7 @@ class Reading:
     labels          (F,) OUTER, INNER or FRACTURE
     thickness       of the wall, or what stands for it where only one wall was scanned
     closed          (S,) sherds with both walls and their fracture
+    mated           (F,) faces that a face of another sherd lies against
     fracture        (F,) fracture faces that look into a hole
     cycles          closed lines between wall and void, longest first
     """
@@ -83,6 +85,7 @@ class Reading:
     labels: Ints
     thickness: float
     closed: Flags
+    mated: Flags
     fracture: Flags
     cycles: list[Cycle]
 
@@ -200,7 +203,7 @@ def read_sherds(sherds: Sequence[TriangleMesh]) -> Reading:
     if axis is not None:
         labels = label_walls(table, normals, axis, fracture=void, thickness=thickness)
     cycles = _cycles(table, normals, axis, labels, hole=void, closed=closed, thickness=thickness)
-    return Reading(table, normals, axis, labels, thickness, closed, void, cycles)
+    return Reading(table, normals, axis, labels, thickness, closed, void, void, cycles)
 
 
 def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Flags) -> Reading:
@@ -219,9 +222,21 @@ def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Fl
     labels = label_walls(table, normals, axis, fracture=fracture, thickness=thickness)
     wall = labels != FRACTURE
     axis = wheel_axis(table.centres[wall], normals[wall], table.areas[wall]) or axis
-    hole = looks_into_hole(table, ~wall, mated, radius=0.7 * thickness)
-    cycles = _cycles(table, normals, axis, labels, hole=hole, closed=closed, thickness=thickness)
-    return Reading(table, normals, axis, labels, thickness, closed, hole, cycles)
+    return _with_labels(Reading(table, normals, axis, labels, thickness, closed, mated, ~wall, []), labels)
+
+
+def with_fracture(reading: Reading, faces: Flags) -> Reading:
+    """The reading of closed sherds with more faces (F,) taken for fracture, its holes found anew."""
+    return _with_labels(reading, np.where(faces, FRACTURE, reading.labels))
+
+
+def _with_labels(reading: Reading, labels: Ints) -> Reading:
+    table, thickness = reading.table, reading.thickness
+    hole = looks_into_hole(table, labels == FRACTURE, reading.mated, radius=0.7 * thickness)
+    cycles = _cycles(
+        table, reading.normals, reading.axis, labels, hole=hole, closed=reading.closed, thickness=thickness
+    )
+    return replace(reading, labels=labels, fracture=hole, cycles=cycles)
 
 
 def _closed_sherds(table: Assembly) -> Flags:

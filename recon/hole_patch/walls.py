@@ -27,6 +27,7 @@ __all__ = [
     "FRACTURE",
     "INNER",
     "OUTER",
+    "depths_in_wall",
     "fracture_faces",
     "label_walls",
     "lip_height",
@@ -95,7 +96,7 @@ def fracture_faces(table: Assembly, normals: Floats, axis: Axis, *, mated: Flags
     far = has_far_side(table, normals, thickness)
     sheet = (recurs > RECURRING) & ~mated
     allowed = min(max(DEEP * thickness, 2.0 * axis.quality), DEEPEST * thickness)
-    deep = _depths(table, normals, axis, sheet) > allowed
+    deep = depths_in_wall(table, normals, axis, sheet) > allowed
     height = axis.cylindrical(table.centres)[:, 2]
     deep &= height < lip_height(height)  # an uneven lip lies below its own higher parts
     mated = mated & ~((recurs > RECURRING) & far & ~deep)  # wall beside a crack, that the neighbour's slope faces
@@ -114,7 +115,7 @@ def lip_height(height: Floats) -> float:
     return float(high - 0.1 * (high - low))
 
 
-def _depths(table: Assembly, normals: Floats, axis: Axis, sheet: Flags) -> Floats:
+def depths_in_wall(table: Assembly, normals: Floats, axis: Axis, sheet: Flags) -> Floats:
     """(F,) how deep in the wall a face lies: below the surface that wall faces of like radius and height make.
 
     sheet   (F,) faces that are wall for certain; the nearest of all round the turn are asked, their median counts

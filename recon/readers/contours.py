@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from recon.errors import BadGeometry, BadOption, UnreadableFile
 from recon.geometry.contour_map import ContourMap
 from recon.readers.content import file_text, require_plain_file
+from recon.readers.dxf_documents import damaged_dxf_refused, dxf_document
 
 __all__ = ["CONTOUR_ENDINGS", "read_contours"]
 
@@ -59,13 +60,11 @@ def read_contours(path: str | Path, *, attribute: str | None = None, unit: str |
 
 def _dxf(path: Path, unit: str | None) -> tuple[list[Floats], list[float], str, str]:
     """Polylines of a drawing and the unit they are in: the one given, or the header's where that is a map's."""
-    from ezdxf import recover
-    from ezdxf.lldxf.const import DXFError
+    with damaged_dxf_refused(str(path)):
+        return _dxf_lines(dxf_document(str(path)), path, unit)
 
-    try:
-        drawing, _ = recover.readfile(path)
-    except (OSError, DXFError, ValueError, UnicodeDecodeError) as problem:
-        raise UnreadableFile(str(path), f"is no DXF drawing ({problem})") from problem
+
+def _dxf_lines(drawing: Any, path: Path, unit: str | None) -> tuple[list[Floats], list[float], str, str]:
     header = DXF_UNITS.get(int(drawing.header.get("$INSUNITS", 0)), "m")
     if unit is None and header not in METRES:
         raise UnreadableFile(
@@ -169,7 +168,7 @@ def _parts(feature: Any, number: int, name: str) -> Iterator[Any]:
 def _points(row: Any, number: int, name: str) -> Floats:
     try:
         line = np.array(row, dtype=np.float64)
-    except (TypeError, ValueError) as problem:
+    except (TypeError, ValueError, OverflowError) as problem:
         raise UnreadableFile(name, f"feature {number} holds coordinates that are no numbers") from problem
     if line.ndim != 2 or line.shape[1] < 2 or not np.isfinite(line).all():
         raise UnreadableFile(name, f"feature {number} holds no row of points")
@@ -195,7 +194,7 @@ def _height(feature: Any, line: Floats, number: int, attribute: str | None) -> f
         return float(line[0, 2])
     try:
         height = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         height = np.nan
     if not np.isfinite(height):
         raise BadGeometry(f"contour {number}", f"has no height, near ({line[0, 0]:.1f}, {line[0, 1]:.1f})")
@@ -210,7 +209,7 @@ def _csv(text: str, name: str) -> tuple[list[Floats], list[float], str]:
         raise UnreadableFile(name, f"has no column {min(missing)}", "The first row names the columns x, y, z and line")
     try:
         points = np.array([[float(row[names[c]]) for c in "xyz"] for row in rows])
-    except (TypeError, ValueError) as problem:
+    except (TypeError, ValueError, OverflowError) as problem:
         raise UnreadableFile(name, f"holds a word where a number belongs ({problem})") from problem
     if not np.isfinite(points).all():
         raise UnreadableFile(name, "holds a value that is not a finite number")

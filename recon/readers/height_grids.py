@@ -31,7 +31,7 @@ def read_height_grid(path: str | Path) -> HeightGrid:
         return {".asc": _ascii, ".json": _json}.get(file.suffix.lower(), _geotiff)(file)
     except ReconError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as problem:
+    except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError, RecursionError) as problem:
         raise UnreadableFile(str(path), f"is no height grid ({problem})") from problem
 
 
@@ -46,10 +46,12 @@ def _json(path: Path) -> HeightGrid:
 def _ascii(path: Path) -> HeightGrid:
     words = file_text(path).split()
     header: dict[str, float] = {}
-    while words and words[2 * len(header)][0].isalpha():
-        header[words[2 * len(header)].lower()] = float(words[2 * len(header) + 1])
+    start = 0
+    while words[start][0].isalpha():
+        header[words[start].lower()] = float(words[start + 1])
+        start += 2
     nx, ny, cell = int(header["ncols"]), int(header["nrows"]), header["cellsize"]
-    values = np.array(words[2 * len(header) :], dtype=np.float64).reshape(ny, nx)[::-1]
+    values = np.array(words[start:], dtype=np.float64).reshape(ny, nx)[::-1]
     values = np.where(values == header.get("nodata_value", np.nan), np.nan, values)
     x0 = header["xllcenter"] if "xllcenter" in header else header["xllcorner"] + cell / 2
     y0 = header["yllcenter"] if "yllcenter" in header else header["yllcorner"] + cell / 2

@@ -1,8 +1,9 @@
 """VTK image data (.vti): XML with its numbers as text, in base64, or appended; plain or compressed with zlib."""
 
 import base64
+import math
 import xml.etree.ElementTree as ElementTree
-import zlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from recon.errors import UnreadableFile
 from recon.geometry.voxel_grid import Volume
 from recon.readers.content import file_bytes
+from recon.readers.numbers import typed_numbers
+from recon.readers.unpacking import unzip
 
 __all__ = ["read_vti"]
 
@@ -44,7 +47,11 @@ def read_vti(file: Path) -> Volume:
         for array in piece.iterfind(f"{where}/DataArray"):
             if int(array.attrib.get("NumberOfComponents", "1")) == 1:
                 shape = high - low + at_points
-                values = _values(array, root, appended).reshape(shape[::-1]).transpose(2, 1, 0)
+                values = (
+                    _values(array, root, (appended, math.prod(shape.tolist()), file.name))
+                    .reshape(shape[::-1])
+                    .transpose(2, 1, 0)
+                )
                 first = low + (0.0 if at_points else 0.5)
                 return Volume(spacing, origin + direction @ (spacing * first), direction, file.name, values)
     raise UnreadableFile(str(file), "holds no array of one value a point or a cell")
@@ -60,14 +67,18 @@ def _parted(data: bytes) -> tuple[bytes, bytes]:
     return data[: data.index(b">", start) + 1] + closing, data[mark:]
 
 
-def _values(array: ElementTree.Element, root: ElementTree.Element, appended: bytes) -> NDArray[np.generic]:
+def _values(
+    array: ElementTree.Element, root: ElementTree.Element, source: tuple[bytes, int, str]
+) -> NDArray[np.generic]:
+    """Numbers of an array; the source is the appended block, how many numbers are needed, and the file's name."""
+    appended, count, name = source
     order = ">" if root.attrib.get("byte_order") == "BigEndian" else "<"
     kind = order + _TYPES[array.attrib["type"]]
     form = array.attrib.get("format", "ascii")
     if form == "ascii":
-        return np.array((array.text or "").split(), dtype=np.float64).astype(kind)
+        return typed_numbers((array.text or "").encode().split(), kind, name)
     head = order + _TYPES[root.attrib.get("header_type", "UInt32")]
-    packed = "compressor" in root.attrib
+    packed = _Packed(count * np.dtype(kind).itemsize, name) if "compressor" in root.attrib else None
     if form == "binary":
         raw = _from_text((array.text or "").strip().encode(), head, packed=packed)
     else:
@@ -78,27 +89,39 @@ def _values(array: ElementTree.Element, root: ElementTree.Element, appended: byt
     return np.frombuffer(raw, dtype=kind)
 
 
-def _from_bytes(block: bytes, head: str, *, packed: bool) -> bytes:
+@dataclass(frozen=True)
+class _Packed:
+    """Of packed numbers: the bytes that are needed, and the name of their file."""
+
+    needed: int
+    name: str
+
+
+def _from_bytes(block: bytes, head: str, *, packed: _Packed | None) -> bytes:
     size = np.dtype(head).itemsize
-    if not packed:
+    if packed is None:
         return block[size : size + int(np.frombuffer(block, head, 1)[0])]
     n = int(np.frombuffer(block, head, 1)[0])
     lengths = np.frombuffer(block, head, 3 + n)[3:].astype(np.int64)
     ends = (3 + n) * size + np.cumsum(lengths)
-    return b"".join(zlib.decompress(block[e - m : e]) for e, m in zip(ends.tolist(), lengths.tolist()))
+    parts, left = [], packed.needed
+    for end, length in zip(ends.tolist(), lengths.tolist()):
+        parts.append(unzip(block[end - length : end], left, packed.name))
+        left -= len(parts[-1])
+    return b"".join(parts)
 
 
-def _from_text(block: bytes, head: str, *, packed: bool) -> bytes:
+def _from_text(block: bytes, head: str, *, packed: _Packed | None) -> bytes:
     """Base64 closes the header of compressed data before the data begin."""
     size = np.dtype(head).itemsize
-    if not packed:
+    if packed is None:
         length = int(np.frombuffer(base64.b64decode(block[: _coded(size)]), head, 1)[0])
         return base64.b64decode(block[: _coded(size + length)])[size : size + length]
     n = int(np.frombuffer(base64.b64decode(block[: _coded(size)]), head, 1)[0])
     first = _coded((3 + n) * size)
     header = base64.b64decode(block[:first])
     total = int(np.frombuffer(header, head, 3 + n)[3:].sum())
-    return _from_bytes(header + base64.b64decode(block[first : first + _coded(total)]), head, packed=True)
+    return _from_bytes(header + base64.b64decode(block[first : first + _coded(total)]), head, packed=packed)
 
 
 def _coded(n: int) -> int:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from recon.errors import BadGeometry, UnreadableFile
 
-__all__ = ["number_array", "integers", "lines_with_words"]
+__all__ = ["number_array", "integers", "lines_with_words", "typed_numbers"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,6 +24,17 @@ def number_array(words: Iterable[bytes], name: str) -> Floats:
         raise UnreadableFile(
             name, f"holds {shown!r} where a number belongs", "The file is damaged; export it again"
         ) from None
+
+
+def typed_numbers(words: Iterable[bytes], kind: str, name: str) -> NDArray[np.generic]:
+    """(n,) the words as numbers of a type; raises UnreadableFile with the first that the type does not hold."""
+    numbers = number_array(words, name)
+    with np.errstate(invalid="ignore", over="ignore"):
+        typed = numbers.astype(kind)
+    if typed.dtype.kind in "iu" and (typed.astype(np.float64) != numbers).any():
+        odd = numbers[np.argmax(typed.astype(np.float64) != numbers)]
+        raise UnreadableFile(name, f"holds {odd:g} where its type is {typed.dtype.name}", "Export it again")
+    return typed
 
 
 def integers(numbers: Floats, name: str) -> Ints:

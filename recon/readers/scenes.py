@@ -18,6 +18,7 @@ import numpy as np
 
 from recon.errors import UnreadableFile
 from recon.readers.polygons import PolygonSoup
+from recon.readers.unpacking import require_plausible_size
 
 __all__ = ["read_3mf", "read_gltf"]
 
@@ -61,6 +62,7 @@ def read_3mf(data: bytes, path: Path) -> PolygonSoup:
         raise UnreadableFile(str(path), "is not a whole 3MF archive", AGAIN) from problem
     if sum(part.file_size for part in parts) > LARGEST_PART:
         raise UnreadableFile(str(path), "would unpack to more than four gigabytes", AGAIN)
+    require_plausible_size(str(path), len(data), sum(part.file_size for part in parts))
     if damaged is not None or not any("3d/3dmodel.model" in part.filename.lower() for part in parts):
         raise UnreadableFile(str(path), "has no undamaged 3D model in its archive", AGAIN)
     shapes, unit = _load(data, path, "3mf")

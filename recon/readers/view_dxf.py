@@ -17,6 +17,7 @@ import numpy as np
 
 from recon.errors import CurvedDrawing, UnreadableFile
 from recon.readers.content import require_plain_file
+from recon.readers.dxf_documents import MOST_ENTITIES, damaged_dxf_refused, dxf_document
 from recon.readers.view_sheet import Strokes, ViewSheet, separate_views
 
 __all__ = ["read_dxf_views"]
@@ -35,9 +36,15 @@ def read_dxf_views(path: str | Path) -> ViewSheet:
     Raises  UnreadableFile when the file is no DXF or holds no three views; CurvedDrawing with the place of every arc.
     """
     name = str(require_plain_file(path))
-    document = _document(name)
+    with damaged_dxf_refused(name):
+        return _sheet(dxf_document(name), name)
+
+
+def _sheet(document: Any, name: str) -> ViewSheet:
     segments, hidden, aside, curves = [], [], Counter[str](), []
-    for entity in _entities(document.modelspace()):
+    for number, entity in enumerate(_entities(document.modelspace())):
+        if number > MOST_ENTITIES:
+            raise UnreadableFile(name, f"its blocks unfold to more than {MOST_ENTITIES} entities")
         kind = _kind(entity, document)
         if kind in ("visible", "hidden"):
             curve = _curve_place(entity)
@@ -56,23 +63,6 @@ def read_dxf_views(path: str | Path) -> ViewSheet:
     usable = np.isfinite(rows).all(axis=(1, 2)) & (np.abs(rows) < 1e12).all(axis=(1, 2))
     sheet = separate_views(Strokes(rows[usable], np.array(hidden, dtype=bool)[usable]), name)
     return sheet.with_notes(aside)
-
-
-def _document(name: str) -> Any:
-    """The DXF document as it stands, repaired only when it cannot be read otherwise: repairing drops line types."""
-    import ezdxf
-    from ezdxf import recover
-    from ezdxf.lldxf.const import DXFError
-
-    broken = (DXFError, ValueError, KeyError, IndexError, TypeError, AttributeError)
-    try:
-        return ezdxf.filemanagement.readfile(name)
-    except (OSError, *broken):
-        pass
-    try:
-        return recover.readfile(name)[0]
-    except (OSError, *broken) as problem:
-        raise UnreadableFile(name, "is no DXF file, or damaged beyond repair") from problem
 
 
 def _entities(space: Any) -> Iterator[Any]:

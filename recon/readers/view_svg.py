@@ -33,6 +33,11 @@ MILLIMETRES = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 
 ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 UNSEEN = {"defs", "metadata", "title", "desc", "style", "clipPath", "mask", "marker", "pattern", "symbol"}
 DEEPEST = 60
+MOST_ELEMENTS = 50_000  # elements that use others unfold to any number out of a small file
+
+
+class _TooMany(Exception):
+    """More elements than a drawing has."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,8 @@ class _Sheet:
     hidden: list[bool] = field(default_factory=list)
     curves: list[str] = field(default_factory=list)
     aside: Counter[str] = field(default_factory=Counter)
+    n_elements: int = 0
+    named: dict[str, Any] = field(default_factory=dict)
 
 
 def read_svg_views(path: str | Path) -> ViewSheet:
@@ -62,9 +69,13 @@ def read_svg_views(path: str | Path) -> ViewSheet:
     """
     name = str(path)
     root = _root(file_bytes(path), name)
-    sheet = _Sheet()
+    # of two elements with one name the first counts
+    sheet = _Sheet(named={e.get("id", ""): e for e in reversed(list(root.iter())) if isinstance(e.tag, str)})
     scale = _millimetres(root)
-    _read(root, _Pen(place=np.diag([scale, -scale, 1.0])), sheet, 0)
+    try:
+        _read(root, _Pen(place=np.diag([scale, -scale, 1.0])), sheet, 0)
+    except _TooMany:
+        raise UnreadableFile(name, f"unfolds to more than {MOST_ELEMENTS} elements") from None
     if sheet.curves:
         raise CurvedDrawing(name, sheet.curves)
     rows = np.array(sheet.segments, dtype=np.float64).reshape(-1, 2, 2)
@@ -114,6 +125,9 @@ def _read(element: Any, pen: _Pen, sheet: _Sheet, depth: int) -> None:
     kind = _tag(element)
     if kind in UNSEEN or not kind or depth > DEEPEST:
         return
+    sheet.n_elements += 1
+    if sheet.n_elements > MOST_ELEMENTS:
+        raise _TooMany
     style = _style(element)
     if style.get("display") == "none" or style.get("visibility") == "hidden":
         return
@@ -135,11 +149,11 @@ def _read(element: Any, pen: _Pen, sheet: _Sheet, depth: int) -> None:
 
 def _read_use(element: Any, pen: _Pen, sheet: _Sheet, depth: int) -> None:
     wanted = element.get("href") or element.get("{http://www.w3.org/1999/xlink}href") or ""
-    found = [e for e in element.getroottree().iter() if isinstance(e.tag, str) and "#" + e.get("id", "") == wanted]
-    if found:
+    found = sheet.named.get(wanted[1:]) if wanted.startswith("#") and len(wanted) > 1 else None
+    if found is not None:
         shift = np.eye(3)
         shift[:2, 2] = [next(iter(_numbers(element.get(key))), 0.0) for key in ("x", "y")]
-        for part in found[0] if _tag(found[0]) == "symbol" else found[:1]:
+        for part in found if _tag(found) == "symbol" else [found]:
             _read(part, replace(pen, place=pen.place @ shift), sheet, depth + 1)
 
 

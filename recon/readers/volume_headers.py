@@ -1,7 +1,6 @@
 """NRRD, MetaImage and NIfTI: a header that says type, size and place, then a block of numbers, first axis fastest."""
 
-import bz2
-import gzip
+import math
 import struct
 import zlib
 from pathlib import Path
@@ -12,6 +11,8 @@ from numpy.typing import NDArray
 from recon.errors import UnreadableFile
 from recon.geometry.voxel_grid import Volume
 from recon.readers.content import file_bytes
+from recon.readers.numbers import typed_numbers
+from recon.readers.unpacking import unbzip2, unzip
 
 __all__ = ["read_metaimage", "read_nifti", "read_nrrd"]
 
@@ -41,6 +42,7 @@ _META_TYPES = {
     "MET_FLOAT": "f4",
     "MET_DOUBLE": "f8",
 }
+NIFTI_HEADER = 352
 _NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8", 256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
 
 
@@ -57,7 +59,7 @@ def read_nrrd(file: Path) -> Volume:
     if "data file" in fields or "datafile" in fields:
         body = file_bytes(file.parent / fields.get("data file", fields.get("datafile", "")))
     kind = _NRRD_TYPES[fields["type"]]
-    raw = _unpacked(body, fields.get("encoding", "raw").lower(), kind)
+    raw = _unpacked(body, fields.get("encoding", "raw").lower(), kind, _bytes_of(shape, kind), str(file))
     values = _shaped(raw, _endian(kind, fields.get("endian", "little") == "big"), shape, file)
     axes = _nrrd_axes(fields)
     spacing = np.linalg.norm(axes, axis=0)
@@ -77,13 +79,13 @@ def _vector(text: str) -> Floats:
     return np.array([float(x) for x in text.strip(" ()").split(",")])
 
 
-def _unpacked(body: bytes, encoding: str, kind: str) -> bytes:
+def _unpacked(body: bytes, encoding: str, kind: str, needed: int, name: str) -> bytes:
     if encoding in ("gzip", "gz"):
-        return gzip.decompress(body)
+        return unzip(body, needed, name)
     if encoding in ("bzip2", "bz2"):
-        return bz2.decompress(body)
+        return unbzip2(body, needed, name)
     if encoding in ("ascii", "txt", "text"):
-        return np.array(body.split(), dtype=np.float64).astype("<" + kind).tobytes()
+        return typed_numbers(body.split(), "<" + kind, name).tobytes()
     return body
 
 
@@ -101,7 +103,7 @@ def read_metaimage(file: Path) -> Volume:
     source = fields["elementdatafile"]
     body = data[stop:] if source.upper() == "LOCAL" else file_bytes(file.parent / source)
     if fields.get("compresseddata", "false").lower() == "true":
-        body = zlib.decompress(body, 47)
+        body = unzip(body, _bytes_of(shape, _META_TYPES[fields["elementtype"].upper()]), str(file))
     big = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "false")).lower() == "true"
     values = _shaped(body, _endian(_META_TYPES[fields["elementtype"].upper()], big), shape, file)
     spacing = np.array(fields.get("elementspacing", "1 1 1").split(), dtype=np.float64)
@@ -114,7 +116,8 @@ def read_metaimage(file: Path) -> Volume:
 def read_nifti(file: Path) -> Volume:
     """Volume of a NIfTI-1 file; of its two affine maps the s-form wins, as its authors advise."""
     data = file_bytes(file)
-    data = gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data
+    packed = data if data[:2] == b"\x1f\x8b" else b""
+    data = _gzip_start(packed, NIFTI_HEADER) if packed else data
     order = "<" if struct.unpack("<i", data[:4])[0] == 348 else ">"
     if struct.unpack(order + "i", data[:4])[0] != 348 or data[344:347] != b"n+1":
         raise UnreadableFile(str(file), "is no NIfTI-1 file with its data")
@@ -124,12 +127,18 @@ def read_nifti(file: Path) -> Volume:
     kind = _NIFTI_TYPES[struct.unpack(order + "h", data[70:72])[0]]
     pixdim = struct.unpack(order + "8f", data[76:108])
     start, slope, shift = struct.unpack(order + "3f", data[108:120])
+    if packed:
+        data = unzip(packed, int(start) + _bytes_of(list(dims[1:4]), kind), str(file))
     values = _shaped(data[int(start) :], order + kind, list(dims[1:4]), file)
     if (np.isfinite(slope) and slope not in (0.0, 1.0)) or shift != 0.0:
         values = values.astype(np.float64) * (slope or 1.0) + shift
     axes, origin = _nifti_affine(data, order, pixdim)
     spacing = np.linalg.norm(axes, axis=0)
     return Volume(spacing, origin, axes / spacing, file.name, values)
+
+
+def _gzip_start(packed: bytes, size: int) -> bytes:
+    return zlib.decompressobj(31).decompress(packed, size)
 
 
 def _nifti_affine(data: bytes, order: str, pixdim: tuple[float, ...]) -> tuple[Floats, Floats]:
@@ -169,9 +178,15 @@ def _endian(kind: str, big: bool) -> str:
     return (">" if big else "<") + kind
 
 
+def _bytes_of(shape: list[int], kind: str) -> int:
+    return math.prod(shape) * np.dtype(kind).itemsize
+
+
 def _shaped(raw: bytes, kind: str, shape: list[int], file: Path) -> NDArray[np.generic]:
     """The numbers as an array (X, Y, Z) of the machine's own byte order."""
-    count, size = int(np.prod(shape, dtype=np.int64)), np.dtype(kind).itemsize
+    count, size = math.prod(shape), np.dtype(kind).itemsize
+    if min(shape) < 1:
+        raise UnreadableFile(str(file), f"has the size {shape}", "Copy or export the file again")
     if len(raw) < count * size:
         raise UnreadableFile(
             str(file), f"holds {len(raw) // size} values where its size needs {count}", "Copy or export the file again"

@@ -4,6 +4,7 @@ A file's coordinates are kept as it gives them: NIfTI counts towards the right, 
 most NRRD files towards the left, back and top.  Formats without a spacing have voxels of one unit unless told.
 """
 
+import math
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,6 +18,7 @@ from recon.errors import BadOption, ReconError, UnreadableFile, UnsupportedForma
 from recon.geometry.voxel_grid import Volume
 from recon.readers.content import file_bytes, require_plain_file
 from recon.readers.image_data import read_vti
+from recon.readers.unpacking import require_plausible_size
 from recon.readers.volume_headers import read_metaimage, read_nifti, read_nrrd
 
 __all__ = ["VOLUME_ENDINGS", "read_volume"]
@@ -74,6 +76,8 @@ def _npz(file: Path) -> Volume:
     file_bytes(file)
     if not zipfile.is_zipfile(file):
         raise UnreadableFile(str(file), "is no .npz archive")
+    with zipfile.ZipFile(file) as archive:
+        require_plausible_size(str(file), file.stat().st_size, sum(part.file_size for part in archive.infolist()))
     content = np.load(file, allow_pickle=False)
     arrays = {key: content[key] for key in content.files}
     grids = [key for key, array in arrays.items() if array.ndim == 3]
@@ -95,6 +99,9 @@ def _tiff(file: Path) -> Volume:
 
     file_bytes(file)
     with Image.open(file) as image:
+        numbers = sum(math.prod(page.size) for page in ImageSequence.Iterator(image))
+        require_plausible_size(str(file), file.stat().st_size, numbers)
+        image.seek(0)
         pages = [np.array(page) for page in ImageSequence.Iterator(image)]
     if any(page.shape != pages[0].shape or page.ndim != 2 for page in pages):
         raise UnreadableFile(str(file), "its pages differ in size, or are in colour", "Save one grey image a slice")
@@ -112,7 +119,7 @@ def _binvox(file: Path) -> Volume:
     scale, shift = float(words.get("scale", ["1"])[0]), np.array(words.get("translate", [0, 0, 0]), dtype=np.float64)
     runs = np.frombuffer(body, dtype=np.uint8)
     runs = runs[: len(runs) // 2 * 2].reshape(-1, 2)
-    if runs[:, 1].sum(dtype=np.int64) != np.prod(shape, dtype=np.int64):
+    if min(shape) < 1 or int(runs[:, 1].sum(dtype=np.int64)) != math.prod(shape):
         raise UnreadableFile(str(file), "its runs do not fill the grid", "Copy or export the file again")
     values = np.repeat(runs[:, 0], runs[:, 1]).reshape(shape).transpose(0, 2, 1)
     spacing = np.full(3, scale / max(shape))

@@ -1,6 +1,11 @@
 """However a job ends, the front desk gets a sentence, and no temporary file stays."""
 
-from brep_export.app.workshop import Exit, run
+import ast
+from pathlib import Path
+
+from brep_export.app import workshop
+from brep_export.app.note_names import NOTES
+from brep_export.app.workshop import Bench, Exit, run
 
 
 def job(name):
@@ -47,3 +52,25 @@ def test_a_job_that_never_ends_is_stopped_and_leaves_no_file(tmp_path):
     assert outcome.status is Exit.REFUSED
     assert "waiting" in outcome.reasons[0] and "--timeout" in outcome.reasons[0]
     assert not half.exists()
+
+
+def test_a_note_is_silenced_by_its_name_and_kept_for_the_answer():
+    told = []
+    bench = Bench(told.append, frozenset({"thin-wall"}))
+    bench.note("the wall is thin", name="thin-wall")
+    bench.note("a hole is left out", name="hole-left-out")
+    assert told == [("note", "a hole is left out [hole-left-out]")]
+    assert bench.notes == ["the wall is thin", "a hole is left out"]
+
+
+def test_every_note_of_a_job_has_a_name_that_can_be_silenced():
+    jobs = Path(workshop.__file__).parent.glob("*.py")
+    calls = [
+        node
+        for path in jobs
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "note"
+    ]
+    named = [keyword.value.value for call in calls for keyword in call.keywords if keyword.arg == "name"]
+    assert len(named) == len(calls) > 10
+    assert set(named) == set(NOTES)

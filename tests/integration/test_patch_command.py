@@ -76,8 +76,9 @@ def test_closed_sherds_give_one_closed_solid_in_every_format(vessel, mended):
     assert room["gap"]["overlap"] < 0.03 and room["gap"]["min"] < 0.5
     assert room["gap"]["min"] == min(n["gap"]["min"] for n in room["neighbours"])
     assert room["gap"]["overlap"] == pytest.approx(sum(n["overlap"]["share"] for n in room["neighbours"]))
-    assert room["gap"]["usual"] == pytest.approx(0.0, abs=0.4) and room["gap"]["usual"] >= room["gap"]["min"]
+    assert room["gap"]["usual"] == pytest.approx(0.0, abs=0.5) and room["gap"]["usual"] >= room["gap"]["min"]
     assert room["collision_free"] or any(n["holds"] for n in room["neighbours"])
+    assert "handle" in room["confidence"]["assumed"]
     inward = -vessel.lost.vertices.mean(axis=0)[:2]
     assert np.dot(room["insert_direction"][:2], inward) > 0  # from outside, toward the vessel's axis
     assert sorted(p.name for p in folder.iterdir()) == sorted(f"piece.{e}" for e in (*ENDINGS, "png"))
@@ -151,7 +152,7 @@ def test_a_thickness_that_the_scans_make_needless_is_said(scans, tmp_path):
 
 def test_a_clearance_makes_the_piece_smaller_and_a_thin_wall_is_named(scans, mended, tmp_path):
     tight = mended[1]
-    loose = passed(recon("patch", *scans["closed"], "-o", tmp_path / "loose.step", "--clearance", 0.2, "--min-wall", 9))
+    loose = passed(recon("patch", *scans["closed"], "-o", tmp_path / "loose.step", "--clearance", 0.3, "--min-wall", 9))
     assert loose["kernel"]["volume"] < tight["kernel"]["volume"]
     assert loose["room"]["gap"]["min"] > tight["room"]["gap"]["min"]
     assert loose["room"]["gap"]["overlap"] < 0.5 * tight["room"]["gap"]["overlap"]

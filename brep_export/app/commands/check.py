@@ -5,7 +5,17 @@ from typing import Annotated
 
 import typer
 
-from brep_export.app.commands.options import AllowOpen, AsJson, Debug, Picture, Quiet, Report, Timeout
+from brep_export.app.commands.options import (
+    AllowOpen,
+    AsJson,
+    Debug,
+    DryRun,
+    Picture,
+    Quiet,
+    Report,
+    Silence,
+    Timeout,
+)
 from brep_export.app.front_desk import answer
 
 __all__ = ["check"]
@@ -22,6 +32,8 @@ def check(
     quiet: Quiet = False,
     timeout: Timeout = None,
     allow_open: AllowOpen = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """The gate alone: is this file one or more closed, valid solids?"""

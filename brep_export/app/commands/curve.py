@@ -9,6 +9,7 @@ import typer
 from brep_export.app.commands.options import (
     AsJson,
     Debug,
+    DryRun,
     Force,
     Name,
     Picture,
@@ -16,6 +17,7 @@ from brep_export.app.commands.options import (
     Quiet,
     Report,
     Schema,
+    Silence,
     Timeout,
     UnitOfScans,
 )
@@ -76,6 +78,8 @@ def curve(
     quiet: Quiet = False,
     timeout: Timeout = None,
     force: Force = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """Smooth B-spline curve of a row of points, open or closed, in the plane or in space."""

@@ -5,7 +5,15 @@ from typing import Annotated
 
 import typer
 
-from brep_export.app.commands.options import AsJson, Debug, Quiet, Report, Timeout
+from brep_export.app.commands.options import (
+    AsJson,
+    Debug,
+    DryRun,
+    Quiet,
+    Report,
+    Silence,
+    Timeout,
+)
 from brep_export.app.front_desk import answer
 
 __all__ = ["demo"]
@@ -20,6 +28,8 @@ def demo(
     as_json: AsJson = False,
     quiet: Quiet = False,
     timeout: Timeout = None,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """Make a vessel, break it, lose a sherd, rebuild it, and compare the two."""

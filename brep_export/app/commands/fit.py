@@ -9,6 +9,7 @@ import typer
 from brep_export.app.commands.options import (
     AsJson,
     Debug,
+    DryRun,
     Force,
     Name,
     Picture,
@@ -16,6 +17,7 @@ from brep_export.app.commands.options import (
     Quiet,
     Report,
     Schema,
+    Silence,
     Timeout,
     UnitOfScans,
 )
@@ -25,6 +27,7 @@ from brep_export.app.outputs import ENDINGS
 __all__ = ["fit"]
 
 JOB = "brep_export.app.fit_job:fit"
+SHEET = "brep_export.app.sheet_job:fit"
 CONVERSION = "brep_export.app.control_mesh_job:convert"
 
 
@@ -34,6 +37,11 @@ class Surface(StrEnum):
     LOOP = "loop"
     CATMULL_CLARK = "catmull-clark"
     DOO_SABIN = "doo-sabin"
+    BSPLINE = "bspline"
+    NURBS = "nurbs"
+
+
+ONE_FACE = (Surface.BSPLINE, Surface.NURBS)
 
 
 class Update(StrEnum):
@@ -57,14 +65,13 @@ def fit(
     ] = None,
     surface: Annotated[
         Surface | None,
-        typer.Option(
-            help="Scheme of the surface; by its faces for a control mesh; quads in rows for a solid of a scan."
-        ),
+        typer.Option(help="Scheme, or one spline face; by its faces for a control mesh; quads in rows for a solid."),
     ] = None,
     control_points: Annotated[int | None, typer.Option(help="At most so many control points.", min=4)] = None,
     tolerance: Annotated[
         str | None, typer.Option(help="Largest error: a length, or a share of the diagonal as 0.1%.")
     ] = None,
+    degree: Annotated[int, typer.Option(help="Degree of one spline face.", min=1, max=9)] = 3,
     update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
     control_mesh: Annotated[
         Path | None, typer.Option(help="Fit nothing: the limit surface of this OBJ mesh of quads, triangles or both.")
@@ -91,12 +98,17 @@ def fit(
     quiet: Quiet = False,
     timeout: Timeout = None,
     force: Force = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
-    """Subdivision surface of a scan: its control mesh, and its limit surface as a B-rep."""
+    """Subdivision surface of a scan: its control mesh, and its limit surface as a B-rep; or one B-spline face."""
     options = locals()
     if (inputs is None) == (control_mesh is None):
         raise typer.BadParameter("name a SCAN, or a control mesh by --control-mesh, and not both")
     if control_mesh is not None:
+        if surface in ONE_FACE:
+            raise typer.BadParameter("a control mesh is read by a scheme, not as one spline face")
         options["inputs"] = control_mesh
-    answer("fit", JOB if control_mesh is None else CONVERSION, options, more_endings=(".obj",))
+    job = JOB if control_mesh is None else CONVERSION
+    answer("fit", SHEET if surface in ONE_FACE else job, options, more_endings=(".obj",))

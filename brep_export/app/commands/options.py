@@ -9,12 +9,14 @@ from typing import Annotated
 
 import typer
 
+from brep_export.app.note_names import NOTES
 from brep_export.app.outputs import ENDINGS
 
 __all__ = [
     "AllowOpen",
     "AsJson",
     "Debug",
+    "DryRun",
     "Force",
     "Name",
     "Outputs",
@@ -23,6 +25,7 @@ __all__ = [
     "Quiet",
     "Report",
     "Schema",
+    "Silence",
     "Timeout",
     "Unit",
     "UnitOfScans",
@@ -60,5 +63,10 @@ AllowOpen = Annotated[bool, typer.Option(help="Accept a result that is not a clo
 Force = Annotated[bool, typer.Option(help="Write even what the gate refuses; the exit status stays 1.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, notes or warnings on stderr.")]
+Silence = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help=f"Do not show notes of this name ({' '.join(NOTES)}). Repeatable."),
+]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be read and written, and do nothing.")]
 Timeout = Annotated[float | None, typer.Option(help="Stop after this many seconds.", min=0.1)]
 Debug = Annotated[bool, typer.Option(hidden=True, help="Show where a fault of the program itself was raised.")]

@@ -10,6 +10,7 @@ from brep_export.app.commands.options import (
     AllowOpen,
     AsJson,
     Debug,
+    DryRun,
     Force,
     Name,
     Outputs,
@@ -18,6 +19,7 @@ from brep_export.app.commands.options import (
     Quiet,
     Report,
     Schema,
+    Silence,
     Timeout,
     UnitOfScans,
 )
@@ -71,7 +73,7 @@ def patch(
     settle: Annotated[
         bool,
         typer.Option(
-            "--settle/--no-settle", help="First settle the sherds against each other, by at most 0.5 mm and 0.5°."
+            "--settle/--no-settle", help="First settle the sherds against each other, by at most 0.75 mm and 0.75°."
         ),
     ] = True,
     relief: Annotated[
@@ -102,6 +104,8 @@ def patch(
     timeout: Timeout = None,
     allow_open: AllowOpen = False,
     force: Force = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """Missing piece of a broken vessel, from the sherds around it."""

@@ -9,6 +9,7 @@ from brep_export.app.commands.options import (
     AllowOpen,
     AsJson,
     Debug,
+    DryRun,
     Force,
     Name,
     Outputs,
@@ -17,6 +18,7 @@ from brep_export.app.commands.options import (
     Quiet,
     Report,
     Schema,
+    Silence,
     Timeout,
 )
 from brep_export.app.front_desk import answer
@@ -72,6 +74,8 @@ def terrain(
     timeout: Timeout = None,
     allow_open: AllowOpen = False,
     force: Force = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """Smooth mountain of G1 faces, or a solid, from contour lines."""

@@ -8,12 +8,14 @@ import typer
 from brep_export.app.commands.options import (
     AsJson,
     Debug,
+    DryRun,
     Force,
     Name,
     Picture,
     ProtocolSchema,
     Quiet,
     Schema,
+    Silence,
     Timeout,
 )
 from brep_export.app.front_desk import answer
@@ -52,7 +54,9 @@ def views(
     quiet: Quiet = False,
     timeout: Timeout = None,
     force: Force = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """Every solid with planar faces that a three-view drawing can mean."""
-    answer("views", JOB, locals(), more_endings=(".obj", ".json"), own_page=True)
+    answer("views", JOB, locals(), more_endings=(".obj", ".json"))

@@ -9,6 +9,7 @@ import typer
 from brep_export.app.commands.options import (
     AsJson,
     Debug,
+    DryRun,
     Force,
     Name,
     Outputs,
@@ -17,6 +18,7 @@ from brep_export.app.commands.options import (
     Quiet,
     Report,
     Schema,
+    Silence,
     Timeout,
 )
 from brep_export.app.front_desk import answer
@@ -81,6 +83,8 @@ def voxels(
     quiet: Quiet = False,
     timeout: Timeout = None,
     force: Force = False,
+    silence: Silence = None,
+    dry_run: DryRun = False,
     debug: Debug = False,
 ) -> None:
     """Clean boundary of a volume as a solid: few faces, the error bounded."""

@@ -1,0 +1,36 @@
+"""Names of the notes that a command may show, by which a user can silence them. Light: the front desk asks."""
+
+from collections.abc import Collection
+
+from recon.errors import BadOption
+
+__all__ = ["NOTES", "require_names"]
+
+NOTES = (
+    "reading",
+    "piece",
+    "thin-wall",
+    "placing",
+    "hole-left-out",
+    "closed-holes",
+    "folds",
+    "off-limit",
+    "ground",
+    "dropped",
+    "not-merged",
+    "flat-facets",
+    "not-snapped",
+    "left-sharp",
+    "wrong-side",
+    "large-file",
+    "several-solids",
+    "limit",
+    "repaired",
+)
+
+
+def require_names(names: Collection[str]) -> None:
+    """Raises BadOption for a name that no note has."""
+    for name in names:
+        if name not in NOTES:
+            raise BadOption("--silence", f"{name} is no note's name; there are {', '.join(NOTES)}")
