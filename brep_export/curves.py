@@ -6,6 +6,9 @@ Knots and multiplicities exist on the kernel's side only: `compressed_knots` and
     knots          0       1/2 1          multiplicities  4 1 4
 """
 
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from OCP.Geom import Geom_BSplineCurve
@@ -22,7 +25,15 @@ from brep_export.occ_arrays import (
 from recon.errors import BadGeometry
 from recon.geometry.bspline import BSplineCurve
 
-__all__ = ["kernel_curve", "kernel_pcurve", "curve_from_kernel", "smooth_stretches", "compressed_knots", "full_knots"]
+__all__ = [
+    "kernel_curve",
+    "kernel_pcurve",
+    "curve_from_kernel",
+    "smooth_stretches",
+    "compressed_knots",
+    "full_knots",
+    "kernel_knots",
+]
 
 Floats = NDArray[np.float64]
 MAX_DEGREE = Geom_BSplineCurve.MaxDegree_s()
@@ -36,8 +47,7 @@ def kernel_curve(curve: BSplineCurve) -> Geom_BSplineCurve:
     """
     if curve.control_points.shape[1] != 3:
         raise BadGeometry("curve", "lies in a plane where one in space is needed")
-    knots, multiplicities = compressed_knots(curve.knots, curve.degree)
-    rest = reals_to_kernel(knots), integers_to_kernel(multiplicities), curve.degree
+    rest = *kernel_knots(curve.knots, curve.degree), curve.degree
     poles = points_to_kernel(curve.control_points)
     if curve.weights is None:
         return Geom_BSplineCurve(poles, *rest)
@@ -48,8 +58,7 @@ def kernel_pcurve(curve: BSplineCurve) -> Geom2d_BSplineCurve:
     """The curve in a parameter plane as a kernel curve, over the same parameter range; raises as `kernel_curve`."""
     if curve.control_points.shape[1] != 2:
         raise BadGeometry("pcurve", "lies in space where one in a parameter plane is needed")
-    knots, multiplicities = compressed_knots(curve.knots, curve.degree)
-    rest = reals_to_kernel(knots), integers_to_kernel(multiplicities), curve.degree
+    rest = *kernel_knots(curve.knots, curve.degree), curve.degree
     poles = plane_points_to_kernel(curve.control_points)
     if curve.weights is None:
         return Geom2d_BSplineCurve(poles, *rest)
@@ -85,6 +94,17 @@ def _stretch(curve: BSplineCurve, first: int, last: int) -> BSplineCurve:
     knots = np.concatenate([np.full(p + 1, t[first + p]), inner, np.full(p + 1, t[last + 1])])
     pick = slice(first, last + 1)
     return BSplineCurve(p, knots, curve.control_points[pick], None if curve.weights is None else curve.weights[pick])
+
+
+def kernel_knots(knot_vector: Floats, degree: int) -> tuple[Any, Any]:
+    """Kernel rows of the different knots and of how often each one occurs; raises as `compressed_knots`."""
+    return _kernel_knots(knot_vector.tobytes(), degree)
+
+
+@lru_cache(maxsize=256)  # most patches of a network have the same knots, and the kernel copies them
+def _kernel_knots(knot_vector: bytes, degree: int) -> tuple[Any, Any]:
+    knots, multiplicities = compressed_knots(np.frombuffer(knot_vector), degree)
+    return reals_to_kernel(knots), integers_to_kernel(multiplicities)
 
 
 def compressed_knots(knot_vector: Floats, degree: int) -> tuple[Floats, NDArray[np.int64]]:

@@ -9,6 +9,7 @@ believes it; so it is measured here, densely, and written into the edge.
 """
 
 from collections.abc import Iterable, Sequence
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,7 @@ __all__ = [
     "straight_pcurve",
     "cover_gap",
     "edge_gap",
+    "mark_covered",
     "turned",
 ]
 
@@ -154,14 +156,15 @@ def put_pcurve(
 
 def straight_pcurve(start: Floats, end: Floats, domain: tuple[float, float]) -> Geom2d_Curve:
     """Straight pcurve from one (2,) parameter pair to another over `domain`; a line where it runs at unit speed."""
-    step = np.asarray(end, dtype=np.float64) - start
+    (u, v), (to_u, to_v) = (float(x) for x in start), (float(x) for x in end)
+    way_u, way_v = to_u - u, to_v - v
     span = domain[1] - domain[0]
-    length = float(np.linalg.norm(step))
+    length = hypot(way_u, way_v)
     if abs(length - span) > 1e-12 * span:
         knots = np.repeat(np.array(domain), 2)
         return kernel_pcurve(BSplineCurve(1, knots, np.array([start, end])))
-    origin = np.asarray(start) - step / length * domain[0]
-    return Geom2d_Line(gp_Pnt2d(*origin.tolist()), gp_Dir2d(*step.tolist()))
+    back = domain[0] / length
+    return Geom2d_Line(gp_Pnt2d(u - way_u * back, v - way_v * back), gp_Dir2d(way_u, way_v))
 
 
 def make_wire(edges: Iterable[TopoDS_Shape]) -> TopoDS_Wire:
@@ -205,6 +208,19 @@ def cover_gap(edge: TopoDS_Edge, surfaces: Sequence[Geom_Surface], *, adapt_abov
     BUILDER.UpdateEdge(edge, max(SPARE * gap, KERNEL_TOLERANCE))
     _cover_ends(edge)
     return gap
+
+
+def mark_covered(edge: TopoDS_Edge, ends: Sequence[TopoDS_Vertex], gaps: tuple[float, float]) -> None:
+    """Give an edge, and its ends, the tolerance for gaps that are known: to its surfaces, and of its ends.
+
+    Promises  as `cover_gap`: the edge is marked as running at the same parameter on all its surfaces.
+    """
+    BUILDER.SameRange(edge, True)
+    BUILDER.SameParameter(edge, True)
+    allowed = max(SPARE * gaps[0], KERNEL_TOLERANCE)
+    BUILDER.UpdateEdge(edge, allowed)
+    for vertex in ends:
+        BUILDER.UpdateVertex(vertex, gaps[1] + allowed)
 
 
 def _cover_ends(edge: TopoDS_Edge) -> None:

@@ -31,6 +31,7 @@ from brep_export.faces import (
     make_face,
     make_vertex,
     make_wire,
+    mark_covered,
     put_pcurve,
     straight_pcurve,
     turned,
@@ -38,7 +39,7 @@ from brep_export.faces import (
 from brep_export.surfaces import kernel_surface
 from recon.errors import NotManifold
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
-from recon.geometry.patches import COLLAPSED, PatchNetwork, side_curve
+from recon.geometry.patches import COLLAPSED, PatchNetwork, side_curve, sides_apart
 from recon.tolerance import Tolerance
 
 __all__ = ["NetworkFaces", "network_faces", "network_shell", "planar_shell", "PlanarLoops", "make_shell", "side_ends"]
@@ -284,8 +285,9 @@ def _network_edge(
     """Edge in space along the first side that carries it, with a straight pcurve on every patch."""
     uses, surfaces, vertices = made
     along = [use.forward == (use.side < 2) for use in uses]  # whether the edge runs in its side's own direction
-    curve = side_curve(network.patches[uses[0].patch], uses[0].side)
-    curve = curve if along[0] else _reversed(curve)
+    sides = [side_curve(network.patches[use.patch], use.side) for use in uses]
+    curves = [side if way else _reversed(side) for side, way in zip(sides, along)]
+    curve = curves[0]
     start, end = network.edge_vertices[e].tolist()
     edge = make_edge(kernel_curve(curve), curve.domain, (vertices[start], vertices[end]))
     pcurves = [
@@ -298,6 +300,11 @@ def _network_edge(
     else:
         for use, pcurve in zip(uses, pcurves):
             put_pcurve(edge, pcurve, surfaces[use.patch], curve.domain)
+    gap = sides_apart(curve, curves[-1])
+    if gap is not None and gap <= KERNEL_TOLERANCE:
+        ends = network.vertices[[start, end]] - curve.control_points[[0, -1]]
+        mark_covered(edge, (vertices[start], vertices[end]), (gap, float(np.sqrt((ends**2).sum(axis=1).max()))))
+        return edge
     gap = cover_gap(edge, [surfaces[use.patch] for use in uses], adapt_above=tolerance.merge)
     if gap > tolerance.fit:
         problem = f"patches are {gap:.3g} apart along an edge, allowed {tolerance.fit:.3g},"

@@ -2,15 +2,13 @@
 
 from OCP.Geom import Geom_BSplineSurface
 
-from brep_export.curves import compressed_knots, full_knots
+from brep_export.curves import full_knots, kernel_knots
 from brep_export.occ_arrays import (
-    integers_to_kernel,
     numbers_from_kernel,
     point_grid_from_kernel,
     point_grid_to_kernel,
     real_grid_from_kernel,
     real_grid_to_kernel,
-    reals_to_kernel,
 )
 from recon.geometry.bspline import BSplineSurface
 
@@ -22,16 +20,9 @@ def kernel_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
 
     Raises  BadGeometry when a degree is above 25 or an inner knot is repeated more than degree times.
     """
-    knots_u, multiplicities_u = compressed_knots(surface.knots_u, surface.degree_u)
-    knots_v, multiplicities_v = compressed_knots(surface.knots_v, surface.degree_v)
-    rest = (
-        reals_to_kernel(knots_u),
-        reals_to_kernel(knots_v),
-        integers_to_kernel(multiplicities_u),
-        integers_to_kernel(multiplicities_v),
-        surface.degree_u,
-        surface.degree_v,
-    )
+    knots_u, multiplicities_u = kernel_knots(surface.knots_u, surface.degree_u)
+    knots_v, multiplicities_v = kernel_knots(surface.knots_v, surface.degree_v)
+    rest = knots_u, knots_v, multiplicities_u, multiplicities_v, surface.degree_u, surface.degree_v
     poles = point_grid_to_kernel(surface.control_net)
     if surface.weights is None:
         return Geom_BSplineSurface(poles, *rest)

@@ -5,6 +5,7 @@ Paper  [piegl1997], chapters 3 and 4.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +18,22 @@ from recon.numerics.bspline_basis import basis_matrix
 __all__ = ["BSplineCurve", "BSplineSurface"]
 
 Floats = NDArray[np.float64]
+SHORT = 64  # knots of a vector that is worth keeping
 
 
 def _checked_knots(knots: ArrayLike, degree: int, n_control: int, what: str) -> Floats:
+    row = np.asarray(knots)
+    if row.dtype != np.float64 or row.size > SHORT:
+        return _sound_knots(row, degree, n_control, what)
+    return _known_knots(row.tobytes(), row.shape, degree, n_control, what)
+
+
+@lru_cache(maxsize=256)  # the thousands of patches of a network have a handful of knot vectors
+def _known_knots(content: bytes, shape: tuple[int, ...], degree: int, n_control: int, what: str) -> Floats:
+    return _sound_knots(np.frombuffer(content).reshape(shape), degree, n_control, what)
+
+
+def _sound_knots(knots: Floats, degree: int, n_control: int, what: str) -> Floats:
     t = frozen_floats(knots, (None,), what)
     if degree < 1:
         raise BadGeometry(what, f"degree {degree} is below 1")

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from recon.errors import BadGeometry
 from recon.geometry.arrays import frozen_floats, frozen_ints
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
+from recon.numerics.bernstein import degree_elevation
 from recon.numerics.bspline_basis import basis_matrix
 
-__all__ = ["PatchMosaic", "PatchNetwork", "side_curve", "connect"]
+__all__ = ["PatchMosaic", "PatchNetwork", "side_curve", "sides_apart", "connect"]
 
 Floats = NDArray[np.float64]
 COLLAPSED = -1
@@ -34,6 +35,22 @@ def side_curve(patch: BSplineSurface, side: int) -> BSplineCurve:
     pick = (np.s_[:, 0], np.s_[-1, :], np.s_[:, -1], np.s_[0, :])[side]
     degree, knots = (patch.degree_u, patch.knots_u) if side in (0, 2) else (patch.degree_v, patch.knots_v)
     return BSplineCurve(degree, knots, patch.control_net[pick], None if patch.weights is None else patch.weights[pick])
+
+
+def sides_apart(one: BSplineCurve, other: BSplineCurve) -> float | None:
+    """A bound on how far two curves are apart at equal parameters; None where it does not follow from control points.
+
+    They have to be polynomials without inner knots over one domain; the lower degree is raised to the higher.
+    """
+    simple = all(curve.weights is None and len(curve.control_points) == curve.degree + 1 for curve in (one, other))
+    if not simple or one.domain != other.domain:
+        return None
+    degree = max(one.degree, other.degree)
+    raised = [
+        c.control_points if c.degree == degree else degree_elevation(c.degree, degree) @ c.control_points
+        for c in (one, other)
+    ]
+    return float(np.sqrt(((raised[0] - raised[1]) ** 2).sum(axis=1).max()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,13 +4,16 @@ from collections.abc import Sequence
 
 import contourpy
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap, HeightGrid
 
 __all__ = ["contour_grid", "contour_levels"]
 
-NUDGE = 0.1  # of the smallest step between two heights that occur: how far a height equal to a level is lifted
+Floats = NDArray[np.float64]
+
+CLEAR = 0.1  # of the steepest step to a neighbour: no nearer to a level may a height be, or contours meet at the place
 
 
 def contour_grid(grid: HeightGrid, interval: float) -> ContourMap:
@@ -38,13 +41,10 @@ def contour_grid(grid: HeightGrid, interval: float) -> ContourMap:
 def contour_levels(grid: HeightGrid, levels: Sequence[float]) -> ContourMap | None:
     """Contours of a grid at the given heights, None where it has none; cells beside a void have none.
 
-    A height that equals a level would make contours touch at grid points: it is lifted by a share of the grid's step.
+    Heights near a level, or on it, would make contours touch at grid points: they are moved away from it, which moves
+    no contour by more than a tenth of a cell.
     """
-    z = grid.heights.copy()
-    steps = np.diff(np.unique(z[np.isfinite(z)]))
-    lift = NUDGE * (float(steps.min()) if len(steps) else 1.0)
-    z[np.isin(z, levels)] += lift
-    masked = np.ma.masked_invalid(z)
+    masked = np.ma.masked_invalid(_off_levels(grid.heights, np.asarray(levels, dtype=np.float64)))
     maker = contourpy.contour_generator(grid.x, grid.y, masked, line_type=contourpy.LineType.Separate)
     lines, heights = [], []
     for level in levels:
@@ -54,3 +54,18 @@ def contour_levels(grid: HeightGrid, levels: Sequence[float]) -> ContourMap | No
     if not lines:
         return None
     return ContourMap(lines, heights, [[grid.x[0], grid.y[0]], [grid.x[-1], grid.y[-1]]], grid.crs)
+
+
+def _off_levels(z: Floats, levels: Floats) -> Floats:
+    """The heights, those too near to a level moved off it: up from it, or down where they lie below."""
+    if not len(levels):
+        return z
+    padded = np.pad(z, 1, constant_values=np.nan)
+    beside = [padded[1:-1, 2:], padded[1:-1, :-2], padded[2:, 1:-1], padded[:-2, 1:-1]]
+    clear = CLEAR * np.nanmax([np.zeros_like(z), *(np.abs(other - z) for other in beside)], axis=0)
+    steps = np.diff(np.unique(z[np.isfinite(z)]))
+    clear = np.maximum(clear, CLEAR * (float(steps.min()) if len(steps) else 1.0))  # on plateaus
+    middles = (levels[1:] + levels[:-1]) / 2
+    nearest = levels[np.searchsorted(middles, z)]
+    near = np.abs(z - nearest) < clear
+    return np.where(near, nearest + np.where(z >= nearest, clear, -clear), z)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from recon.errors import BadGeometry, BadOption
@@ -24,7 +25,7 @@ from recon.terrain.levels import levels
 from recon.terrain.limiter import limited_jets
 from recon.terrain.merging import PatchLayout, is_folded, merged_layout, plan_sides, triangle_layout
 from recon.terrain.patches import PatchNets
-from recon.terrain.resampling import fit_contours, point_spacing
+from recon.terrain.resampling import contour_samples, fit_contours, point_spacing
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
 from recon.terrain.slopes import vertex_slopes
 from recon.terrain.tiling import CurvesMeet, Tiling, tile, with_free_vertices
@@ -38,8 +39,10 @@ MOST_TURNING = np.radians(90.0)  # of a segment: more would let a contour bulge 
 TINY = 0.2  # of the tolerance: segments below it are not split for their turning
 BORDER_STEP = 6.0  # spacings of the points between free vertices on the border
 SPECK = 0.05  # tolerances that a closed contour is long at least
+SMALL_RING, RING_REACH = 12.0, 2.0  # spacings of the points: length of a ring that noise makes, way to where it meets
 MOST_NAMED = 5
-REFITS, TIGHTENINGS, UNFOLDINGS = 9, 3, 12
+PATIENCE = 3  # refits before rings are left out
+REFITS, TIGHTENINGS, UNFOLDINGS = 14, 9, 12
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,8 @@ def terrain_surface(
     local = _ended_on_border(kept.moved(origin), tolerance)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
-        tiling = _tiled(local, tolerance, origin)
+        tiling, local, left_out = _tiled(local, tolerance, origin)
+        notes += left_out
         layout = merged_layout(tiling)
         doing("finding the slopes")
         interval = contours.interval()
@@ -139,13 +143,9 @@ def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap,
     named = ", ".join(f"{i} near ({x:.1f}, {y:.1f})" for i, (x, y) in places[:MOST_NAMED])
     more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
     note = f"{len(places)} contours shorter than {SPECK * tolerance:.3g} m vanish in resampling: {named}{more}"
-    keep = np.flatnonzero(~speck).tolist()
-    if not keep:
+    if speck.all():
         raise BadGeometry("contours", f"all of them are shorter than {SPECK * tolerance:.3g} m at this tolerance")
-    return (
-        ContourMap([contours.lines[i] for i in keep], contours.heights[keep], contours.extent, contours.crs),
-        (note,),
-    )
+    return _part(contours, ~speck), (note,)
 
 
 def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
@@ -163,21 +163,57 @@ def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
     return ContourMap(lines, contours.heights, contours.extent, contours.crs)
 
 
-def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> Tiling:
-    """The tiling of curves that do not meet; where they did, the fit is repeated with less room."""
+def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> tuple[Tiling, ContourMap, tuple[str, ...]]:
+    """The tiling of curves that do not meet, and its contours; where they met, the fit is repeated with less room.
+
+    Where that does not help, rings that the spacing of the points cannot tell from noise are left out and named.
+    """
     tight = np.empty((0, 2))
-    step = BORDER_STEP * point_spacing(contours)
+    samples = contour_samples(contours)
+    step = BORDER_STEP * samples.spacing
+    left_out: list[Floats] = []
     for attempt in range(REFITS):
         allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
-        curves = _supple(fit_contours(contours, allowed, tight), allowed)
+        curves = _supple(fit_contours(samples, allowed, tight), allowed)
         try:
             tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
-            return _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin))
+            tiling = _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin))
+            return tiling, contours, _told_of_rings(left_out, origin)
         except CurvesMeet as meeting:
             if attempt == REFITS - 1:
                 raise CurvesMeet(meeting.places, meeting.height, origin) from meeting
             tight = np.vstack([tight, meeting.places])
+            small = _small_rings(contours, meeting.places, samples.spacing)
+            if attempt >= PATIENCE and small.any() and not small.all():
+                left_out += [contours.lines[i][0] for i in np.flatnonzero(small).tolist()]
+                contours = _part(contours, ~small)
+                samples = contour_samples(contours)
     raise AssertionError("the loop returns or raises")
+
+
+def _small_rings(contours: ContourMap, places: Floats, spacing: float) -> NDArray[np.bool_]:
+    """(C,) whether a contour is a ring of a few points' length beside one of the places."""
+    small = np.zeros(len(contours.lines), dtype=bool)
+    near = cKDTree(places)
+    for i, line in enumerate(contours.lines):
+        if (line[0] == line[-1]).all() and np.linalg.norm(np.diff(line, axis=0), axis=1).sum() < SMALL_RING * spacing:
+            small[i] = near.query(line)[0].min() < RING_REACH * spacing
+    return small
+
+
+def _told_of_rings(places: list[Floats], origin: Floats) -> tuple[str, ...]:
+    if not places:
+        return ()
+    named = ", ".join(f"({x:.1f}, {y:.1f})" for x, y in (place + origin for place in places[:MOST_NAMED]))
+    more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
+    return (
+        f"{len(places)} rings too small for the spacing of their points touch others and were left out: {named}{more}",
+    )
+
+
+def _part(contours: ContourMap, keep: NDArray[np.bool_]) -> ContourMap:
+    rows = np.flatnonzero(keep).tolist()
+    return ContourMap([contours.lines[i] for i in rows], contours.heights[rows], contours.extent, contours.crs)
 
 
 def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:

@@ -32,7 +32,7 @@ Ints = NDArray[np.int64]
 STEEPEST = 3.0  # times the mean slope of an edge: beyond it a cubic overshoots
 ACTIVE_SETS = 8
 REWEIGHTINGS = 4
-ACCURACY = 1e-7
+ACCURACY, ROUGH = 1e-7, 1e-4  # of the last solution, and of those that only give weights
 TILE = 1500  # unknowns of a tile
 
 
@@ -62,12 +62,13 @@ def vertex_slopes(tiling: Tiling, normals: Floats, limits: Levels) -> VertexSlop
     tiles = plane_tiles(tiling.points[owner], TILE)
     root_area = np.sqrt(triangle_areas(tiling))
     x, weight = np.zeros(len(owner)), np.ones(len(tiling.triangles))
-    for _ in range(REWEIGHTINGS):
+    for turn in range(REWEIGHTINGS):
+        accuracy = ACCURACY if turn == REWEIGHTINGS - 1 else ROUGH
         weighted = sparse.csr_array(rows * np.repeat(weight, 9)[:, None])
         matrix = sparse.csr_array(weighted @ prolong)
         energy = sparse.csr_array(matrix.T @ matrix)
         solver = TiledSolver(energy, tiles)
-        x = _bounded(solver, (energy, -matrix.T @ (weighted @ offset)), x, bounds)
+        x = _bounded(solver, (energy, -matrix.T @ (weighted @ offset)), x, bounds, accuracy)
         bend = np.linalg.norm((rows @ (prolong @ x + offset)).reshape(-1, 9), axis=1) / root_area
         weight = (1 + (bend / max(float(np.median(bend)), 1e-300)) ** 2) ** -0.25
     jets = (prolong @ x + offset).reshape(-1, 3)
@@ -144,14 +145,18 @@ def _steepest(tiling: Tiling, normals: Floats) -> Floats:
 
 
 def _bounded(
-    solver: TiledSolver, system: tuple[sparse.csr_array, Floats], start: Floats, bounds: tuple[Floats, Floats]
+    solver: TiledSolver,
+    system: tuple[sparse.csr_array, Floats],
+    start: Floats,
+    bounds: tuple[Floats, Floats],
+    accuracy: float,
 ) -> Floats:
     """(n,) least-squares solution between bounds: unknowns beyond a bound are held there until they pull back."""
     (matrix, right), (low, high) = system, bounds
     x = np.clip(start, low, high)
     held = (x == low) | (x == high)
     for _ in range(ACTIVE_SETS):
-        x = solver.solve(right, x, ~held, ACCURACY)
+        x = solver.solve(right, x, ~held, accuracy)
         outside = (x < low) | (x > high)
         x = np.clip(x, low, high)
         pull = right - matrix @ x

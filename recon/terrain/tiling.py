@@ -25,6 +25,7 @@ Ints = NDArray[np.int64]
 NO_SEGMENT = -1
 SPLITS = 4  # times that segments whose chords cross are halved
 FREE_ROUNDS, FLAT_ROUNDS = 1, 12
+ALONG = 1e-6  # metres that a segment along the border may leave it
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +139,7 @@ def _triangulated(curves: ContourCurves, free: Floats, extent: Floats) -> tuple[
     work.erase_super_triangle()
     triangles = work.triangles_array()["vertices"].astype(np.int64)
     rim_chord = np.isin(_key(chords, len(points)), _key(rim, len(points)))
+    bulging = rim_chord & (np.ptp(curves.bezier, axis=1) > ALONG).all(axis=1)  # its chord would cut ground off the map
     if triangles.size == 0 or triangles.max() >= len(points):
         held = triangles[(triangles < len(points)).all(axis=1)]
         return None, ~np.isin(_key(chords, len(points)), _key(_sides(held), len(points)))
@@ -145,7 +147,7 @@ def _triangulated(curves: ContourCurves, free: Floats, extent: Floats) -> tuple[
     tiling = _tiling(curves, points, triangles)
     lost = np.ones(len(chords), dtype=bool)
     lost[tiling.edge_segment[tiling.is_contour]] = False
-    return tiling, lost & ~rim_chord
+    return tiling, (lost & ~rim_chord) | bulging
 
 
 def _rim(points: Floats, extent: Floats) -> Ints:

@@ -124,3 +124,14 @@ def test_contours_that_cross_are_refused_with_the_place():
 def test_a_tolerance_has_to_be_positive(tolerance):
     with pytest.raises(BadOption, match="--tolerance"):
         TerrainOptions(tolerance)
+
+
+def test_a_contour_that_only_touches_on_the_border_cuts_no_ground_off():
+    x = np.linspace(0.0, 600.0, 31)
+    arc = np.array([[276.0, 0.0], [300.0, 5.0], [324.0, 0.0]])
+    lines = [arc, *(np.column_stack([x, y + 5 * np.sin(x / 90)]) for y in (60.0, 120.0, 180.0))]
+    ground = terrain_surface(ContourMap(lines, [10.0, 20.0, 30.0, 40.0], [[0.0, 0.0], [600.0, 240.0]]))
+    points, faces = sampled_triangles(ground, 6)
+    a, b, c = (points[faces[:, k], :2] for k in range(3))
+    area = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
+    assert area.sum() == pytest.approx(600 * 240, rel=1e-9)
