@@ -10,6 +10,7 @@ import pytest
 from brep_export.app.batch.attempt import Terms
 from brep_export.app.batch.jobs import jobs_from_template, read_jobs
 from brep_export.app.batch.records import RECORD, content_hash, job_key, kept_record, put_record
+from brep_export.app.batch.summary import write_summary
 from brep_export.app.batch.words import Order, order
 from brep_export.app.commands.batch import _bytes
 from recon.errors import BadOption, ReconError
@@ -180,3 +181,15 @@ def test_what_broke_off_is_finished_for_its_limits_alone(finished):
     write(folder / RECORD, json.dumps(record))
     assert kept_record(folder, key, Terms(timeout=5.0, share=7).limits) is not None
     assert kept_record(folder, key, Terms(timeout=9.0).limits) is None
+
+
+def test_the_summary_links_every_file_and_shows_what_failed_first(tmp_path):
+    done = {"name": "a", "command": "fit", "status": "done", "cause": "", "reasons": [], "attempts": 1, "seconds": 1.0}
+    done |= {"peak_memory_mb": 9.0, "outputs": {"my part.step": "", "b.png": ""}, "answer": {"kernel": {"faces": 6}}}
+    failed = {**done, "name": "<b>", "status": "failed", "cause": "crash", "reasons": ["it broke."], "outputs": {}}
+    write_summary(tmp_path, [done, failed])
+    page = (tmp_path / "summary.html").read_text()
+    assert '<a href="a/my%20part.step">my part.step</a> <a href="a/b.png">b.png</a>' in page
+    assert page.index("&lt;b&gt;") < page.index(">a</a>") and "<b>" not in page
+    rows = (tmp_path / "summary.csv").read_text().splitlines()
+    assert [row.split(",")[:4] for row in rows[1:]] == [["a", "fit", "done", ""], ["<b>", "fit", "failed", "crash"]]

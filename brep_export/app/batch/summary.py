@@ -46,7 +46,7 @@ def _row(record: Record) -> dict[str, Any]:
         "faces": kernel.get("faces"),
         "volume": kernel.get("volume"),
         "error_max": error.get("max"),
-        "outputs": " ".join(record["outputs"]),
+        "outputs": "; ".join(record["outputs"]),
     }
 
 
@@ -80,7 +80,7 @@ def _line(row: Mapping[str, Any]) -> str:
     cells = {column: _cell(row[column]) for column in COLUMNS}
     folder = quote(str(row["job"]))
     cells["job"] = f'<a href="{folder}/log.txt">{cells["job"]}</a>'
-    names = str(row["outputs"]).split()
+    names = [name for name in str(row["outputs"]).split("; ") if name]
     cells["outputs"] = " ".join(f'<a href="{folder}/{quote(name)}">{escape(name)}</a>' for name in names)
     kind = "passed" if row["status"] == "done" else "broken"
     return f'<tr class="{kind}">' + "".join(f"<td>{cell}</td>" for cell in cells.values()) + "</tr>"
