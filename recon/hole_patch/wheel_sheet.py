@@ -20,6 +20,7 @@ Paper  [kinoshita], section 3.4, for the fitted and trimmed face; [piegl1997], s
 """
 
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,11 +167,26 @@ def _sheet_in_units(fit: WallFit, n_curves: int) -> Sheet:
     )
 
 
+# walls are never changed, and leave with the surroundings they belong to
+_FITTED: WeakKeyDictionary[Wall, tuple[Axis, WallFit]] = WeakKeyDictionary()
+
+
 def fit_wall(wall: Wall, axis: Axis, *, like: WallFit | None = None) -> WallFit:
     """The chart of a wall, its residual and the hole's edge in it; raises NoSurface as `wheel_sheet` does.
 
     like  the fit of nearly the same wall: its profile is where this one's begins, and the residual is as stiff
+
+    A wall is fitted once: the second look, the sheet and its confidence ask for the same.
     """
+    if like is not None:
+        return _fitted(wall, axis, like)
+    known = _FITTED.get(wall)
+    if known is None or known[0] is not axis:
+        known = _FITTED[wall] = axis, _fitted(wall, axis, None)
+    return known[1]
+
+
+def _fitted(wall: Wall, axis: Axis, like: WallFit | None) -> WallFit:
     unit = unit_length(wall, axis)
     wall, axis = wall_in(wall, unit), axis_in(axis, unit)
     start = None if like is None else scaled_curve(like.chart.profile.curve, like.unit / unit)
