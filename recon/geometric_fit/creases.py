@@ -22,6 +22,7 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree
 from recon.numerics.halfedges import edge_table
+from recon.numerics.rows import unit_vectors
 
 __all__ = ["n_loose_ends", "with_creases"]
 
@@ -45,14 +46,11 @@ def with_creases(mesh: ControlMesh, scan: SharpScan, angle: float) -> ControlMes
     angle  radians between the normals of two faces from which on the edge is sharp
     """
     table = edge_table(mesh.faces_of(3))
-    edge, face = table.edge_faces()
-    pair = np.flatnonzero(edge[1:] == edge[:-1])
-    pair = pair[table.uses[edge[pair]] == 2]
-    normals = _unit(mesh.triangle_mesh().area_vectors())
-    one, two = face[pair], face[pair + 1]
+    edge, one, two = table.face_pairs()
+    normals = unit_vectors(mesh.triangle_mesh().area_vectors())
     turn = np.arccos(np.clip(np.einsum("ij,ij->i", normals[one], normals[two]), -1.0, 1.0))
     bent = turn > (angle if len(scan.edges) == 0 else WEAK * angle)
-    edges, outward = table.edges[edge[pair[bent]]], (normals[one] + normals[two])[bent]
+    edges, outward = table.edges[edge[bent]], (normals[one] + normals[two])[bent]
     if len(scan.edges):
         creases = edges[_along(mesh.vertices[edges], scan)]
     else:
@@ -75,10 +73,6 @@ def n_loose_ends(mesh: ControlMesh) -> int:
     return int((np.bincount(mesh.crease_edges.ravel()) == 1).sum())
 
 
-def _unit(vectors: Floats) -> Floats:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
-
-
 def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: Floats) -> Floats:
     """(m,) the angle between the mean normals of the scan on both sides of each edge, near its middle."""
     if len(edges) == 0:
@@ -87,7 +81,7 @@ def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: 
     centres = scan.corners().mean(axis=1)
     start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
     middle, length = (start + end) / 2.0, np.linalg.norm(end - start, axis=1)
-    across = _unit(np.cross(outward, end - start))
+    across = unit_vectors(np.cross(outward, end - start))
     distance, near = cKDTree(centres).query(middle, k=min(NEAREST, len(centres)))
     distance, near = distance.reshape(len(edges), -1), near.reshape(len(edges), -1)
     # the edge may lie a little off the scan: what is within reach is counted from the nearest face
@@ -95,7 +89,7 @@ def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: 
     side = np.einsum("mki,mi->mk", centres[near] - centres[near[:, :1]], across)
     side -= np.median(side, axis=1, keepdims=True)
     left, right = (
-        _unit(np.einsum("mk,mki->mi", within & chosen, area_vectors[near])) for chosen in (side > 0, side < 0)
+        unit_vectors(np.einsum("mk,mki->mi", within & chosen, area_vectors[near])) for chosen in (side > 0, side < 0)
     )
     return np.arccos(np.clip(np.einsum("mi,mi->m", left, right), -1.0, 1.0))
 
@@ -124,7 +118,7 @@ def _corners(vertices: Floats, sharp: Ints) -> Ints:
         pair = ends[first[nearest][:, None] + np.array([0, 1]) * (count[nearest] == 2)[:, None], 1]
         beyond = np.where(pair[:, 0] == vertex, pair[:, 1], pair[:, 0])
         reached = np.where(count[nearest] == 2, beyond, nearest)
-        return _unit(vertices[reached] - vertices[vertex])
+        return unit_vectors(vertices[reached] - vertices[vertex])
 
     one, two = ahead(ends[first[vertex], 1]), ahead(ends[first[vertex] + 1, 1])
     return vertex[np.einsum("ij,ij->i", one, two) > -SHARP_TURN]

@@ -57,9 +57,8 @@ class Guards:
         incidence = sparse.csr_array((ones, mesh.face_corners, mesh.face_starts), shape=(mesh.n_faces, mesh.n_vertices))
         self._around = sparse.csr_array(incidence.T @ incidence)
         table = edge_table(self._triangles)
-        edge, face = table.edge_faces()
-        pair = np.flatnonzero(edge[1:] == edge[:-1])
-        self._ends, self._one, self._two = table.edges[edge[pair]], face[pair], face[pair + 1]
+        edge, self._one, self._two = table.face_pairs()
+        self._ends = table.edges[edge]
         self._limit = np.where(joined[self._ends].all(axis=1), CREASE_FOLD, FOLD)
 
     def strays(self, control_points: Floats, allowed: float) -> Strays:

@@ -58,9 +58,8 @@ class NetGuards:
         self._to_corners = net_rows(space, net, at).matrix(space.n_control)
         self._triangles = _cell_triangles(_covered(space, (u, v), uv))
         table = edge_table(self._triangles)
-        edge, face = table.edge_faces()
-        pair = np.flatnonzero(edge[1:] == edge[:-1])
-        self._ends, self._one, self._two = table.edges[edge[pair]], face[pair], face[pair + 1]
+        edge, self._one, self._two = table.face_pairs()
+        self._ends = table.edges[edge]
 
     def folded(self, control_points: Floats) -> Bools:
         """(V,) the control points around a fold that the scan does not have."""

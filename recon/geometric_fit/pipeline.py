@@ -25,6 +25,7 @@ from recon.geometric_fit.creases import n_loose_ends, with_creases
 from recon.geometric_fit.exact_distances import exact_distances
 from recon.geometric_fit.folding import stepped, unfolded
 from recon.geometric_fit.foot_points import Feet, joined, nearest_feet, walk_feet
+from recon.geometric_fit.growth import Growth
 from recon.geometric_fit.guards import Guards, Strays, fairness
 from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.initial_mesh import initial_mesh
@@ -49,15 +50,13 @@ Ints = NDArray[np.int64]
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
 RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
-CYCLES, ROUNDS = 4, 4  # refinements, rounds before each
+ROUNDS = 4  # before each refinement
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
 FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the data's
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
 EASING = 1.4  # times less stiff a round where it would not
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
-GROWTH = 1.5  # times more control points a cycle, where only a tolerance is given
 FOLD_COST = 3.0  # times the error: what a fit that folds must be better by than one that does not
-STAGNATION = 0.01  # a cycle that lowers neither error by this share brings no more
 
 
 def fit_surface(
@@ -108,6 +107,7 @@ class _Fit:
         self._begin = time.perf_counter()
         self._options, self._doing = options, doing
         self._limit = _most_control_points(scan, options)
+        self._growth = Growth(options.control_points, options.tolerance, options.plain, self._limit)
         whole, self._n_closed = close_holes(scan) if options.close else (scan, 0)
         if self._n_closed:
             doing(f"closed {self._n_closed} holes")
@@ -132,7 +132,7 @@ class _Fit:
             n_rounds = self._options.rounds if final else ROUNDS
             mesh, patches, feet = self._settled(mesh, cycle, n_rounds)
             errors = norms(self._distances(feet), self._scan.diagonal)
-            stopped = self._end(errors, last, final)
+            stopped = self._growth.ended(errors, last, diagonal=self._scan.diagonal, final=final)
             if stopped is None:
                 last, cycle = errors, cycle + 1
                 mesh = self._refined(mesh, feet, cycle)
@@ -170,25 +170,10 @@ class _Fit:
     def _first_count(self) -> int:
         if self._options.plain:
             return self._limit
-        if self._options.control_points is None and self._options.tolerance is not None:
+        if self._growth.toward_tolerance:
             return max(min(self._scan.n_measured // 100, self._limit), 100)
         share = FIRST_SHARE if self._options.scheme is Scheme.LOOP else FIRST_QUADS
         return max(int(share * self._limit), 4)
-
-    def _end(self, errors: Norms, last: Norms | None, final: bool) -> StoppedBy | None:
-        tolerance = self._options.tolerance
-        if tolerance is not None and errors.maximum / 100.0 * self._scan.diagonal <= tolerance:
-            return StoppedBy.TOLERANCE
-        if final:
-            return StoppedBy.ROUNDS if self._options.plain else StoppedBy.CONTROL_POINTS
-        # a number of control points that was asked for is used; growth toward a tolerance ends where it brings nothing
-        if (
-            self._options.control_points is None
-            and last is not None
-            and all(now > (1.0 - STAGNATION) * then for now, then in zip(errors[1:], last[1:]))
-        ):
-            return StoppedBy.STAGNATION
-        return None
 
     def _settled(self, mesh: ControlMesh, cycle: int, n_rounds: int) -> tuple[ControlMesh, LimitPatches, Feet]:
         """Some rounds on one control mesh: pull, move, find the feet again."""
@@ -266,11 +251,7 @@ class _Fit:
 
     def _refined(self, mesh: ControlMesh, feet: Feet, cycle: int) -> ControlMesh:
         """More control points where the error is, and even valences again."""
-        left = self._limit - mesh.n_vertices
-        if self._options.control_points is None and self._options.tolerance is not None:
-            n_new = min(int((GROWTH - 1.0) * mesh.n_vertices) + 1, left)
-        else:
-            n_new = min(-(-left // max(CYCLES + 1 - cycle, 1)), left)
+        n_new = self._growth.more(mesh.n_vertices, cycle)
         worst = self._worst_faces(mesh, feet, n_new)
         if self._options.scheme is not Scheme.LOOP:
             return inset_faces(mesh, worst, n_new)

@@ -177,12 +177,11 @@ def _samples_on_large(mesh: TriangleMesh, control_edge: float) -> tuple[Floats, 
 def fold_places(vertices: Floats, faces: Ints) -> Floats:
     """(m, 3) middles of the edges whose two faces have normals over 90 degrees apart."""
     table = edge_table(faces)
-    edge, face = table.edge_faces()
-    pair = np.flatnonzero(edge[1:] == edge[:-1])
+    edge, one, two = table.face_pairs()
     a, b, c = vertices[faces].transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
-    turned = np.einsum("ij,ij->i", normal[face[pair]], normal[face[pair + 1]]) < FOLD
-    return vertices[table.edges[edge[pair[turned]]]].mean(axis=1)
+    turned = np.einsum("ij,ij->i", normal[one], normal[two]) < FOLD
+    return vertices[table.edges[edge[turned]]].mean(axis=1)
 
 
 def refuse_tangles(scan: TriangleMesh) -> None:

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from recon.geometric_fit.chains import chain_lengths
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.halfedges import EdgeTable, edge_table
+from recon.numerics.halfedges import EdgeTable, edge_table, vertex_normals
+from recon.numerics.rows import added_at, unit_vectors
 
 __all__ = ["SharpScan", "sharpened"]
 
@@ -115,19 +116,19 @@ def _sides(scan: TriangleMesh) -> _Sides:
     """Smooth vertices are on one side, and so is what lies beside them, and what continues that."""
     faces, n = scan.face_vertices, scan.n_vertices
     area_vectors = scan.area_vectors()
-    area, normals = np.linalg.norm(area_vectors, axis=1), _unit(area_vectors)
+    area, normals = np.linalg.norm(area_vectors, axis=1), unit_vectors(area_vectors)
     sliver = area < SLIVER * np.median(area)
 
     def agree(side: Floats, cosine: float) -> Bools:
         return np.asarray(np.einsum("fi,fki->fk", normals, side[faces]) > cosine)
 
-    mean = _unit(_gathered(area_vectors, faces, n))
+    mean = vertex_normals(scan.vertices, faces)
     smooth = _all_around(agree(mean, SMOOTH) | sliver[:, None], faces, n)
     flat = smooth[faces].any(axis=1) & ~sliver
     for _ in range(GROWTH):
-        side = _unit(_gathered(np.where(flat[:, None], area_vectors, 0.0), faces, n))
+        side = unit_vectors(_gathered(np.where(flat[:, None], area_vectors, 0.0), faces, n))
         flat |= agree(side, SMOOTH).any(axis=1) & ~sliver
-    side = _unit(_gathered(np.where(flat[:, None], area_vectors, 0.0), faces, n))
+    side = unit_vectors(_gathered(np.where(flat[:, None], area_vectors, 0.0), faces, n))
     known = _all_around(~flat[:, None] | agree(side, AGREE), faces, n) & (np.linalg.norm(side, axis=1) > 0.5)
     return _extrapolated(scan, _Sides(side, scan.vertices, known), smooth, mean)
 
@@ -143,7 +144,7 @@ def _extrapolated(scan: TriangleMesh, sides: _Sides, smooth: Bools, normals: Flo
     wanted = ~smooth[at] & smooth[beside] & (np.einsum("ki,ki->k", sides.normals[at], normals[beside]) > AGREE)
     at, beside = at[wanted], beside[wanted]
     count = np.bincount(at, minlength=n)
-    mean = np.where((count > 0)[:, None], _unit(_added(normals[beside], at, n)), sides.normals)
+    mean = np.where((count > 0)[:, None], unit_vectors(added_at(normals[beside], at, n)), sides.normals)
     way = x[beside] - x[at]
     height = np.bincount(at, np.einsum("ki,ki->k", mean[at], way), n) / np.maximum(count, 1)
     size = np.bincount(at, np.linalg.norm(way, axis=1), n) / np.maximum(count, 1)
@@ -180,8 +181,8 @@ def _toward_planes(scan: TriangleMesh, at: Ints, beside: Ints, sides: _Sides, an
     n, x = scan.n_vertices, scan.vertices
     normals = sides.normals[beside]
     height = np.einsum("ki,ki->k", normals, sides.through[beside] - x[at])
-    quadric = _added(np.einsum("ki,kj->kij", normals, normals).reshape(-1, 9), at, n).reshape(-1, 3, 3)
-    pull = _added(normals * height[:, None], at, n)
+    quadric = added_at(np.einsum("ki,kj->kij", normals, normals).reshape(-1, 9), at, n).reshape(-1, 3, 3)
+    pull = added_at(normals * height[:, None], at, n)
     count = np.bincount(at, minlength=n)
     size = np.bincount(at, np.linalg.norm(x[beside] - x[at], axis=1), n) / np.maximum(count, 1)
     chosen = np.flatnonzero(count > 1)
@@ -246,11 +247,10 @@ def _turned(faces: Ints, on_side: Ints, first: Bools) -> tuple[Ints, ...]:
 def _bent_edges(mesh: TriangleMesh, angle: float) -> Ints:
     """(m, 2) the edges whose two faces stand at this angle to each other, or a larger one."""
     table = edge_table(mesh.face_vertices)
-    edge, face = table.edge_faces()
-    pair = np.flatnonzero(edge[1:] == edge[:-1])
-    normals = _unit(mesh.area_vectors())
-    bent = np.einsum("ij,ij->i", normals[face[pair]], normals[face[pair + 1]]) < np.cos(angle)
-    return table.edges[edge[pair[bent]]]
+    edge, one, two = table.face_pairs()
+    normals = unit_vectors(mesh.area_vectors())
+    bent = np.einsum("ij,ij->i", normals[one], normals[two]) < np.cos(angle)
+    return table.edges[edge[bent]]
 
 
 def _all_around(corners: Bools, faces: Ints, n: int) -> Bools:
@@ -260,13 +260,4 @@ def _all_around(corners: Bools, faces: Ints, n: int) -> Bools:
 
 def _gathered(vectors: Floats, faces: Ints, n: int) -> Floats:
     """(n, 3) for every vertex the sum over the faces around it."""
-    return _added(np.repeat(vectors, 3, axis=0), faces.ravel(), n)
-
-
-def _added(rows: Floats, at: Ints, n: int) -> Floats:
-    """(n, k) the sums of the rows (m, k) with the same number `at` (m,)."""
-    return np.stack([np.bincount(at, column, n) for column in rows.T], axis=1)
-
-
-def _unit(vectors: Floats) -> Floats:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    return added_at(np.repeat(vectors, 3, axis=0), faces.ravel(), n)

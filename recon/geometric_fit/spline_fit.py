@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from recon.errors import NoSurface
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.folding import smoothed_out, stepped
+from recon.geometric_fit.growth import Growth
 from recon.geometric_fit.knot_gains import knot_gains
 from recon.geometric_fit.net_guards import NetEnergy, NetGuards, net_means
 from recon.geometric_fit.net_weights import moved_weights
@@ -48,12 +49,10 @@ Ints = NDArray[np.int64]
 
 FIRST_SHARE = 0.6  # of the control points are there from the start, the others come where the error is
 COARSEST = 8  # spans of the first net at most, in each direction
-CYCLES, ROUNDS = 4, 3  # refinements, rounds before each
+ROUNDS = 3  # before each refinement
 FAIRNESS = 1e-3  # weight of the net's energy, as a share of the data's
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
 EASING = 1.4  # times less stiff a round where it would not
-GROWTH = 1.5  # times more control points a cycle, where only a tolerance is given
-STAGNATION = 0.01  # a cycle that lowers neither error by this share brings no more
 
 
 def fit_sheet(
@@ -87,6 +86,7 @@ class _SheetFit:
         self._diagonal = float(np.linalg.norm(np.ptp(measured, axis=0)))
         mesh = TriangleMesh((sheet.mesh.vertices - self._middle) / self._diagonal, sheet.mesh.face_vertices)
         self._limit = _most_control_points(len(measured), options)
+        self._growth = Growth(options.control_points, options.tolerance, options.plain, self._limit)
         self._scan = scan_data(mesh, self._limit, n_measured=len(measured))
         self._rims = np.concatenate(sheet.rims) if sheet.kind is ScanKind.CYLINDER else np.empty(0, dtype=np.int64)
         self._sides, self._stretch = flat.sides, flat.stretch
@@ -104,7 +104,7 @@ class _SheetFit:
             free = self._options.kind is SplineKind.NURBS and (final or self._options.tolerance is not None)
             net, feet, folds = self._settled(space, net, (cycle, n_rounds, -(-n_rounds // 2) if free else 0))
             errors = norms(self._distances(feet), 1.0)
-            stopped = self._end(errors, last, final)
+            stopped = self._growth.ended(errors, last, diagonal=self._diagonal, final=final)
             if stopped is None:
                 last, cycle = errors, cycle + 1
                 finer = self._refined(space, net, feet, cycle)
@@ -140,7 +140,7 @@ class _SheetFit:
     def _first_count(self) -> int:
         if self._options.plain:
             return self._limit
-        if self._options.control_points is None and self._options.tolerance is not None:
+        if self._growth.toward_tolerance:
             return max(min(self._scan.n_measured // 100, self._limit), self._options.least)
         return max(int(FIRST_SHARE * self._limit), self._options.least)
 
@@ -162,20 +162,6 @@ class _SheetFit:
 
     def _usual(self, space: TensorSpace) -> float:
         return FAIRNESS * self._scan.n_measured / space.n_control
-
-    def _end(self, errors: Norms, last: Norms | None, final: bool) -> StoppedBy | None:
-        tolerance = self._options.tolerance
-        if tolerance is not None and errors.maximum / 100.0 * self._diagonal <= tolerance:
-            return StoppedBy.TOLERANCE
-        if final:
-            return StoppedBy.ROUNDS if self._options.plain else StoppedBy.CONTROL_POINTS
-        if (
-            self._options.control_points is None
-            and last is not None
-            and all(now > (1.0 - STAGNATION) * then for now, then in zip(errors[1:], last[1:]))
-        ):
-            return StoppedBy.STAGNATION
-        return None
 
     def _settled(self, space: TensorSpace, net: Floats, at: tuple[int, int, int]) -> tuple[Floats, NetFeet, int]:
         """Some rounds on one net: pull, move, find the feet again. The best net, its feet, and its folds.
@@ -275,11 +261,7 @@ class _SheetFit:
 
         A knot costs a whole row of control points: what counts is what it would gain for every one of them.
         """
-        left = self._limit - space.n_control
-        if self._options.control_points is None and self._options.tolerance is not None:
-            share = min(int((GROWTH - 1.0) * space.n_control) + 1, left)
-        else:
-            share = -(-left // max(CYCLES + 1 - cycle, 1))
+        left, share = self._limit - space.n_control, self._growth.more(space.n_control, cycle)
         (n_u, n_v), n_before = space.shape, space.n_control
         height = np.einsum("ij,ij->i", self._scan.points - feet.positions, feet.normals)
         gains = knot_gains(space, feet.uv, height, self._weights)

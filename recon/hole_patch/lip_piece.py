@@ -32,6 +32,7 @@ from recon.hole_patch.thickness import Thickness
 from recon.hole_patch.trim_loop import withdrawn
 from recon.numerics.polygons import within
 from recon.numerics.ribbons import ribbon
+from recon.numerics.rows import unit_vectors
 
 __all__ = ["lip_piece", "lip_thickness"]
 
@@ -251,11 +252,9 @@ class _Side:
         along, out = (
             np.stack([np.interp(place, at, column, period=whole) for column in rows.T], axis=1) for rows in (along, out)
         )
-        return cls(_unit(along) * (1.0 if row == 0 else -1.0), -_unit(out), _unit(np.cross(along, out)))
-
-
-def _unit(rows: Floats) -> Floats:
-    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300))
+        return cls(
+            unit_vectors(along) * (1.0 if row == 0 else -1.0), -unit_vectors(out), unit_vectors(np.cross(along, out))
+        )
 
 
 def _bend(band: FractureBand, sides: tuple[_Side, _Side]) -> Floats:
@@ -278,7 +277,7 @@ def _bend(band: FractureBand, sides: tuple[_Side, _Side]) -> Floats:
 def _handle(side: _Side, way: Floats) -> Floats:
     """(n, 3) from the end of an arc to its next Bezier point, for a chord of length 1 along `way`."""
     lengthwise = np.einsum("ij,ij->i", way, side.along)[:, None]
-    leaves = _unit(way - lengthwise * side.along + lengthwise**2 * side.inward)
+    leaves = unit_vectors(way - lengthwise * side.along + lengthwise**2 * side.inward)
     turn = np.clip(np.einsum("ij,ij->i", leaves, way), 0.0, 1.0)[:, None]
     return np.asarray(leaves * 2.0 / (3.0 * (1.0 + turn)))
 

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from recon.numerics.rows import added_at, unit_vectors
+
 __all__ = [
     "EdgeTable",
     "edge_table",
@@ -73,6 +75,15 @@ class EdgeTable(NamedTuple):
         """(S,) edge numbers in rising order and (S,) the faces on them, one entry a side."""
         order = np.argsort(self.face_edges, axis=None, kind="stable")
         return self.face_edges.ravel()[order], order // 3
+
+    def face_pairs(self) -> tuple[Ints, Ints, Ints]:
+        """(m,) edge numbers in rising order, (m,) one face on each and (m,) the other.
+
+        An edge with k faces stands there k - 1 times, each face paired with the next: free edges are left out.
+        """
+        edge, face = self.edge_faces()
+        first = np.flatnonzero(edge[1:] == edge[:-1])
+        return edge[first], face[first], face[first + 1]
 
 
 def edge_table(faces: Ints) -> EdgeTable:
@@ -171,9 +182,8 @@ def connected_components(faces: Ints, table: EdgeTable | None = None) -> Ints:
 
     table  the edge table of the faces, where it is there already
     """
-    edge, face = (table or edge_table(faces)).edge_faces()
-    same = np.flatnonzero(edge[1:] == edge[:-1])
-    links = (np.ones(len(same), dtype=np.int8), (face[same], face[same + 1]))
+    _, one, two = (table or edge_table(faces)).face_pairs()
+    links = (np.ones(len(one), dtype=np.int8), (one, two))
     graph = sparse.coo_array(links, shape=(len(faces), len(faces)))
     return csgraph.connected_components(graph, directed=False)[1].astype(np.int64)
 
@@ -195,9 +205,4 @@ def vertex_normals(vertices: Floats, faces: Ints) -> Floats:
     """(V, 3) unit normals, the faces around weighted with their areas; zero where no face, or no area, is around."""
     a, b, c = vertices[faces].transpose(1, 0, 2)
     area = np.cross(b - a, c - a)
-    total = np.stack(
-        [np.bincount(faces.ravel(), weights=np.repeat(area[:, k], 3), minlength=len(vertices)) for k in range(3)],
-        axis=1,
-    )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+    return unit_vectors(added_at(np.repeat(area, 3, axis=0), faces.ravel(), len(vertices)))

@@ -22,6 +22,8 @@ a, b   (P, 3, 3) corners of the first and second triangle of each pair
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.numerics.rows import unit_vectors
+
 __all__ = ["crossing_triangles", "box_pairs", "triangles_cut"]
 
 Floats = NDArray[np.float64]
@@ -71,7 +73,7 @@ def triangles_cut(corners: Floats, pairs: Ints, *, margin: float) -> Flags:
     corners  (F, 3, 3) corner points of every triangle
     pairs    (P, 2) triangle numbers
     """
-    normals = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    normals = unit_vectors(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     cut = np.zeros(len(pairs), dtype=bool)
     for start in range(0, len(pairs), _CHUNK):
         rows = slice(start, start + _CHUNK)
@@ -105,7 +107,7 @@ def _through_plane(a: Floats, b: Floats, normal: Floats, margin: float) -> tuple
 def _axes_in_plane(a: Floats, b: Floats, normal: Floats) -> Floats:
     """(P, 6, 3) unit normals of the six edges within the plane of the pair."""
     edges = np.concatenate([_edges(a), _edges(b)], axis=1)
-    return _unit(np.cross(edges, normal[:, None]))
+    return unit_vectors(np.cross(edges, normal[:, None]))
 
 
 def _axes_of_edges(a: Floats, b: Floats) -> Floats:
@@ -129,11 +131,6 @@ def _overlap_on_all(a: Floats, b: Floats, axes: Floats, margin: float) -> Flags:
 
 def _edges(a: Floats) -> Floats:
     return np.roll(a, -1, axis=1) - a
-
-
-def _unit(vectors: Floats) -> Floats:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > 0.0, length, 1.0)
 
 
 def _morton_codes(points: Floats) -> NDArray[np.uint64]:
