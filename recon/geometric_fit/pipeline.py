@@ -56,6 +56,7 @@ FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the da
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
 EASING = 1.4  # times less stiff a round where it would not
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
+FEWER = (1.0, 0.95, 0.9, 0.85, 0.8)  # of the control points asked for, where a surface with sharp edges folds
 FOLD_COST = 3.0  # times the error: what a fit that folds must be better by than one that does not
 
 
@@ -86,18 +87,35 @@ def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[s
     """
     if options.crease_angle >= np.pi or options.start is not None:
         return _Fit(scan, options, doing).run()
-    run = _Fit(scan, options, doing)
-    try:
-        sharp = run.run()
-    except BadGeometry:  # edges that lie so close to each other that no limit is defined between them
-        sharp = None
-    if sharp is not None and (not len(sharp.mesh.crease_edges) or (run.has_edges_put_back and not sharp.folds)):
-        return sharp
+    sharp: FittedSurface | None = None
+    for attempt in _fewer(options):
+        run = _Fit(scan, attempt, doing)
+        try:
+            found = run.run()
+        except BadGeometry:  # edges that lie so close to each other that no limit is defined between them
+            break
+        if not len(found.mesh.crease_edges) or (run.has_edges_put_back and not found.folds):
+            return found
+        sharp = sharp or found
+        if not run.has_edges_put_back:
+            break
+        doing("fitting again with fewer control points, as the surface folds at a sharp edge")
     doing("fitting again without sharp edges")
     smooth = _Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run()
     if sharp is None:
         return smooth
     return min((sharp, smooth), key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
+
+
+def _fewer(options: FitOptions) -> list[FitOptions]:
+    """What was asked for, then the same with somewhat fewer control points: other points, other triangles between them.
+
+    Where no number was asked for there is nothing to take fewer of.
+    """
+    if options.control_points is None:
+        return [options]
+    counts = (max(int(share * options.control_points), 4) for share in FEWER)
+    return [replace(options, control_points=count) for count in counts]
 
 
 class _Fit:

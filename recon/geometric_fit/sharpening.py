@@ -12,8 +12,8 @@ first on the other cut every edge off. The sides are told by their smooth vertic
 
     smooth vertices -> sides -> vertices on no side, and those next to an edge, moved onto it -> edges split at x
 
-That is done where the shape is one with edges: most of what is sharp hangs together in long chains. On other scans
-what looks sharp is noise, or a fold of a small radius, and they stay as they are.
+That is done where the shape is one with edges: most of what is sharp hangs together in long chains, whose vertices lie
+between sides. On other scans what looks sharp is noise, a fold of a small radius or a sliver: they stay as they are.
 
 Paper  [attene2005], recovering sharp edges in meshes of feature-insensitive sampling; [kobbelt2001], the corner as the
        point nearest to the planes around it.
@@ -97,7 +97,9 @@ def sharpened(scan: TriangleMesh, angle: float) -> SharpScan:
     crossings = _crossings(on_edges.mesh, table, on_edges.sides, angle)
     mesh = _split(on_edges.mesh, table, crossings, on_edges.sides)
     edges = _bent_edges(mesh, ROUNDED * angle)
-    if _are_lines(edges, mesh.vertices):
+    between_sides = np.ones(mesh.n_vertices, dtype=np.bool_)
+    between_sides[: scan.n_vertices] = ~on_edges.sides.known
+    if _are_lines(edges, mesh.vertices) and between_sides[np.unique(edges)].mean() > MOST:
         return SharpScan(mesh, edges)
     return SharpScan(scan, np.empty((0, 2), dtype=np.int64))
 

@@ -39,7 +39,7 @@ LEASTS = (
     0.05,
     0.03,
     np.inf,
-)  # the same in thicknesses, where the wall is smooth: the sheet is off a little, too; in turn
+)  # the same in thicknesses, where the wall is smooth: tried in turn, inf for no second look
 DEEP = 0.1  # thicknesses, at least, that a face of a break reaches down
 LEVEL = 0.3  # slope of what lies beside the sheet
 UNDER = 0.75  # of a group's area lie under the sheet

@@ -1,10 +1,12 @@
 """Edges that a scan has cut off are put back, those it has stay, and none are invented."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import pyvista as pv
 from block_mesh import block
-from hull_meshes import bumpy_ball
+from hull_meshes import bumpy_ball, disc
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -13,8 +15,10 @@ from recon.geometric_fit.sharpening import sharpened
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.numerics.halfedges import edge_table, euler_number
+from recon.readers.meshes import read_mesh
 
 ANGLE = np.radians(40.0)
+FANDISK = Path(__file__).parents[3] / "shared" / "data" / "scans" / "fandisk_large.off"
 
 
 def isosurface(height, *, cells, reach):
@@ -86,11 +90,47 @@ def test_a_scan_that_has_its_edges_or_has_none_stays_as_it_is():
     assert len(edges) == 12 * 20
 
 
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_slivers_along_a_border_are_no_edges(seed):
+    sheet = disc(1500, seed)
+    assert sharpened(sheet, ANGLE).mesh is sheet
+
+
 def test_noise_alone_makes_no_edges():
     ball = bumpy_ball(3000)
     noise = np.random.default_rng(1).normal(0.0, 0.02, ball.vertices.shape)
     rough = TriangleMesh(ball.vertices + noise, ball.face_vertices, "rough ball")
     assert len(sharpened(rough, ANGLE).edges) == 0
+
+
+def plate_with_boss_and_hole(cells):
+    def height(x):
+        x, y, z = (x @ TURN).T
+        plate = np.max([np.abs(x) - 1.3, np.abs(y) - 0.9, np.abs(z + 0.4) - 0.25], axis=0)
+        boss = np.max([np.hypot(x - 0.5, y) - 0.45, np.abs(z - 0.1) - 0.55], axis=0)
+        return np.maximum(np.minimum(plate, boss), 0.28 - np.hypot(x + 0.7, y))
+
+    return isosurface(height, cells=cells, reach=1.8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [400, 600, 900])
+def test_a_machined_part_keeps_its_edges_without_a_fold(count):
+    fitted = fit_surface(plate_with_boss_and_hole(70), FitOptions(control_points=count))
+    assert len(fitted.mesh.crease_edges) > 100
+    assert fitted.folds == 0
+    assert fitted.mesh.n_vertices <= count
+
+
+@pytest.mark.skipif(not FANDISK.is_file(), reason="the folder of scans is not beside this checkout")
+def test_fandisk_keeps_its_edges():
+    scan = read_mesh(FANDISK).mesh
+    on_edges = np.unique(sharpened(scan, ANGLE).edges)
+    fitted = fit_surface(scan, FitOptions(control_points=1500))
+    assert fitted.folds == 0
+    assert fitted.errors.rms < 0.008
+    off = 100.0 * fitted.distances[on_edges[on_edges < scan.n_vertices]] / fitted.diagonal
+    assert np.quantile(off, 0.98) < 0.05
 
 
 def test_the_fit_of_a_cut_off_cube_has_its_edges():
