@@ -7,6 +7,14 @@ station to partner the wall of the piece runs straight, or, where the neighbours
                    |   |    \\   \\   |         the partner is the nearest point, but partners never go back:
       inner loop   0---1-----2---3--4--       x_0 < x_1 < ...  (isotonic regression)
 
+Down a foot ring and up again stations follow each other where partners hardly do. The nearest point says nothing there:
+partners keep between those of both ends, and rungs lean into the ring, so that they do not run along its side.
+
+      inner loop   ------0123456-------      b_k     how far the rung of station k goes through the wall: 1 across it,
+      base         ____. |\|/| .____                 0 along it; what its nearest point counts
+      ring              0| 3 |6
+                        1'---'5
+
     x_k     length along the inner loop at the partner of station k
     c       clearance: both loops are drawn in by it, and the wall stays as far from the fracture
 
@@ -41,6 +49,10 @@ FEWEST = 60  # stations a part
 ON_SHEET = 1e-3  # mm by which the fracture may leave a sheet between stations
 HALVINGS = 4  # of the steps between stations where it does
 SAMPLES = 8  # points of a loop between two stations, to measure lengths on
+RUNS_ALONG = 0.2, 0.5  # cosine between a rung and what is square to the outer wall: below it b is 0, above it 1
+LEAST_SHARE = 0.01  # of a station that says nothing, beside one that does
+LEANS_IN = 0.5  # of what a rung has to go into the wall, it does by so much sooner
+SLOW = 0.25  # of the least step, where b is 0
 LEAST_STEP = 0.4  # of the mean step between partners: a wall that narrows more is pinched
 
 
@@ -73,6 +85,9 @@ def thick_piece(
             break
         pairs, corners = _halved(loops, pairs, corners, wide)
         band = _band(loops, pairs)
+    bend = _bend(band)
+    if bend is not None:
+        band = band.following(bend=bend)
     if fracture is not None and fracture.n_faces:
         band = band.following(relief=_relief(band, fracture, clearance)).unfolded()
     parts = band.parts(np.append(corners, len(pairs)))
@@ -89,6 +104,27 @@ def _band(loops: "tuple[_Loop, _Loop]", pairs: Floats) -> FractureBand:
     return FractureBand.along((loops[0].trimmed.surface, loops[1].trimmed.surface), (uv[0], uv[1]))
 
 
+def _bend(band: FractureBand) -> Floats | None:
+    """(n, HEIGHTS, 3) by how much rungs that run along the outer wall lean into it; None where none does."""
+    outer, inner = band.ends()
+    inward = -band.surfaces[0].normal(band.rows[:, UV[0]])
+    chord = inner - outer
+    into = np.einsum("ij,ij->i", chord, inward)
+    beside = 1.0 - _through(chord, inward)
+    if not beside.any():
+        return None
+    lean = LEANS_IN * beside * np.maximum(into, 0.0)
+    h = np.array(HEIGHTS)
+    return np.asarray((4.0 * h * (1.0 - h))[None, :, None] * (lean[:, None] * inward)[:, None])
+
+
+def _through(chord: Floats, inward: Floats) -> Floats:
+    """(n,) b, how far chords (n, 3) go through a wall with normals (n, 3) into it, from 0 along it to 1."""
+    cosine = np.einsum("ij,ij->i", chord, inward) / np.maximum(np.linalg.norm(chord, axis=1), 1e-300)
+    low, high = RUNS_ALONG
+    return np.asarray(np.clip((cosine - low) / (high - low), 0.0, 1.0))
+
+
 def _relief(band: FractureBand, fracture: TriangleMesh, clearance: float) -> Floats:
     """(n, HEIGHTS, 3) by how much the fracture leaves the straight line from station to partner."""
     outer, inner = (ends[:-1] for ends in band.ends())
@@ -96,7 +132,7 @@ def _relief(band: FractureBand, fracture: TriangleMesh, clearance: float) -> Flo
     middle = 0.5 * (outer + inner)
     away = np.cross(np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0), normals)
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
-    rungs = rung_points(outer, inner)
+    rungs = rung_points(outer, inner) + band.bend()[:-1]
     thickness = np.full(len(outer), np.median(np.linalg.norm(outer - inner, axis=1)))
     away = np.broadcast_to(away[:, None], rungs.shape)
     relief = fracture_relief(rungs, away, fracture, thickness=thickness, clearance=clearance)
@@ -134,18 +170,22 @@ class _Loop:
 def _partners(outer: _Loop, inner: _Loop, stations: Floats) -> Floats:
     """(n,) increasing lengths x_k along the inner loop, once round it: the nearest point, made monotone."""
     n, whole = len(stations), inner.length
-    away, index = cKDTree(inner.points[:-1]).query(outer.trimmed.surface.point(outer.at(stations)))
+    uv = outer.at(stations)
+    points = outer.trimmed.surface.point(uv)
+    away, index = cKDTree(inner.points[:-1]).query(points)
     nearest = inner.lengths[index]
+    through = _through(inner.points[index] - points, -outer.trimmed.surface.normal(uv))
     even = np.arange(n) * whole / n
     # ahead of or behind an even pace, counted from the most usual lead: robust against single stations far off
     lead = np.exp(2j * np.pi * (nearest - even) / whole)
     start = float(np.angle(lead.mean())) * whole / (2 * np.pi)
     ahead = (nearest - even - start + whole / 2) % whole - whole / 2
-    least = LEAST_STEP * whole / n
+    least = LEAST_STEP * whole / n * (SLOW + (1.0 - SLOW) * through)
     # three turns, so that the regression has no ends in the middle one
     turns = np.concatenate([even + ahead + k * whole for k in (-1, 0, 1)])
-    floor = least * np.arange(3 * n)
-    monotone = isotonic_regression(turns - floor).x + floor
+    floor = np.cumsum(np.tile(least, 3))
+    share = np.tile(np.maximum(through, LEAST_SHARE), 3)
+    monotone = isotonic_regression(turns - floor, weights=share).x + floor
     # averaged over a stretch as long as the wall is thick: rulings that turn faster cut each other
     half = max(1, round(0.5 * float(away.mean()) * n / outer.length))
     window = np.ones(2 * half + 1) / (2 * half + 1)
