@@ -7,14 +7,6 @@ station to partner the wall of the piece runs straight, or, where the neighbours
                    |   |    \\   \\   |         the partner is the nearest point, but partners never go back:
       inner loop   0---1-----2---3--4--       x_0 < x_1 < ...  (isotonic regression)
 
-Down a foot ring and up again stations follow each other where partners hardly do. The nearest point says nothing there:
-partners keep between those of both ends, and rungs lean into the ring, so that they do not run along its side.
-
-      inner loop   ------0123456-------      b_k     how far the rung of station k goes through the wall: 1 across it,
-      base         ____. |\|/| .____                 0 along it; what its nearest point counts
-      ring              0| 3 |6
-                        1'---'5
-
     x_k     length along the inner loop at the partner of station k
     c       clearance: both loops are drawn in by it, and the wall stays as far from the fracture
 
@@ -32,6 +24,7 @@ from recon.geometry.bspline import BSplineCurve
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import ThickPiece, TrimLoop, TrimmedSurface
 from recon.hole_patch.fracture_band import UV, FractureBand, rung_points
+from recon.hole_patch.foot_rungs import bend_into_rings, ring_runs
 from recon.hole_patch.fracture_relief import fracture_relief
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.thickness import check_apart
@@ -49,10 +42,7 @@ FEWEST = 60  # stations a part
 ON_SHEET = 1e-3  # mm by which the fracture may leave a sheet between stations
 HALVINGS = 4  # of the steps between stations where it does
 SAMPLES = 8  # points of a loop between two stations, to measure lengths on
-RUNS_ALONG = 0.2, 0.5  # cosine between a rung and what is square to the outer wall: below it b is 0, above it 1
-LEAST_SHARE = 0.01  # of a station that says nothing, beside one that does
-LEANS_IN = 0.5  # of what a rung has to go into the wall, it does by so much sooner
-SLOW = 0.25  # of the least step, where b is 0
+SLOW = 0.25  # of the least step, down a foot ring
 LEAST_STEP = 0.4  # of the mean step between partners: a wall that narrows more is pinched
 
 
@@ -85,7 +75,7 @@ def thick_piece(
             break
         pairs, corners = _halved(loops, pairs, corners, wide)
         band = _band(loops, pairs)
-    bend = _bend(band)
+    bend = bend_into_rings(band)
     if bend is not None:
         band = band.following(bend=bend)
     if fracture is not None and fracture.n_faces:
@@ -102,27 +92,6 @@ def _band(loops: "tuple[_Loop, _Loop]", pairs: Floats) -> FractureBand:
     """The straight fracture between stations and partners (n, 2), lengths along the two loops."""
     uv = [np.concatenate([q, q[:1]]) for q in (loop.at(column) for loop, column in zip(loops, pairs.T))]
     return FractureBand.along((loops[0].trimmed.surface, loops[1].trimmed.surface), (uv[0], uv[1]))
-
-
-def _bend(band: FractureBand) -> Floats | None:
-    """(n, HEIGHTS, 3) by how much rungs that run along the outer wall lean into it; None where none does."""
-    outer, inner = band.ends()
-    inward = -band.surfaces[0].normal(band.rows[:, UV[0]])
-    chord = inner - outer
-    into = np.einsum("ij,ij->i", chord, inward)
-    beside = 1.0 - _through(chord, inward)
-    if not beside.any():
-        return None
-    lean = LEANS_IN * beside * np.maximum(into, 0.0)
-    h = np.array(HEIGHTS)
-    return np.asarray((4.0 * h * (1.0 - h))[None, :, None] * (lean[:, None] * inward)[:, None])
-
-
-def _through(chord: Floats, inward: Floats) -> Floats:
-    """(n,) b, how far chords (n, 3) go through a wall with normals (n, 3) into it, from 0 along it to 1."""
-    cosine = np.einsum("ij,ij->i", chord, inward) / np.maximum(np.linalg.norm(chord, axis=1), 1e-300)
-    low, high = RUNS_ALONG
-    return np.asarray(np.clip((cosine - low) / (high - low), 0.0, 1.0))
 
 
 def _relief(band: FractureBand, fracture: TriangleMesh, clearance: float) -> Floats:
@@ -170,26 +139,54 @@ class _Loop:
 def _partners(outer: _Loop, inner: _Loop, stations: Floats) -> Floats:
     """(n,) increasing lengths x_k along the inner loop, once round it: the nearest point, made monotone."""
     n, whole = len(stations), inner.length
-    uv = outer.at(stations)
-    points = outer.trimmed.surface.point(uv)
+    points = outer.trimmed.surface.point(outer.at(stations))
     away, index = cKDTree(inner.points[:-1]).query(points)
     nearest = inner.lengths[index]
-    through = _through(inner.points[index] - points, -outer.trimmed.surface.normal(uv))
     even = np.arange(n) * whole / n
     # ahead of or behind an even pace, counted from the most usual lead: robust against single stations far off
     lead = np.exp(2j * np.pi * (nearest - even) / whole)
     start = float(np.angle(lead.mean())) * whole / (2 * np.pi)
     ahead = (nearest - even - start + whole / 2) % whole - whole / 2
-    least = LEAST_STEP * whole / n * (SLOW + (1.0 - SLOW) * through)
+    ahead, down = _down_rings(ahead, points, inner.points[index] - points)
+    least = LEAST_STEP * whole / n * np.where(down, SLOW, 1.0)
     # three turns, so that the regression has no ends in the middle one
     turns = np.concatenate([even + ahead + k * whole for k in (-1, 0, 1)])
     floor = np.cumsum(np.tile(least, 3))
-    share = np.tile(np.maximum(through, LEAST_SHARE), 3)
-    monotone = isotonic_regression(turns - floor, weights=share).x + floor
+    monotone = isotonic_regression(turns - floor).x + floor
     # averaged over a stretch as long as the wall is thick: rulings that turn faster cut each other
     half = max(1, round(0.5 * float(away.mean()) * n / outer.length))
-    window = np.ones(2 * half + 1) / (2 * half + 1)
-    return np.asarray(np.convolve(monotone, window, mode="same")[n : 2 * n] + start)
+    return _averaged(monotone, np.tile(_kept_from(down, half), 3))[n : 2 * n] + start
+
+
+def _kept_from(down: Bools, half: int) -> Ints:
+    """(n,) half widths that reach over no end of a run in a closed row: what lies beyond would draw it out of a ring."""
+    ends = np.flatnonzero(down != np.roll(down, 1))
+    if not len(ends):
+        return np.full(len(down), half)
+    apart = np.abs(np.arange(len(down))[:, None] - ends)
+    apart = np.minimum(apart, np.minimum(np.abs(apart - 1), len(down) - apart))
+    return np.minimum(half, apart.min(axis=1))
+
+
+def _averaged(values: Floats, half: Ints) -> Floats:
+    """(n,) means over so many values on either side; those at the ends of the row are of no use."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    at = np.arange(len(values))
+    first, last = np.maximum(at - half, 0), np.minimum(at + half, len(values) - 1)
+    return np.asarray((total[last + 1] - total[first]) / (last - first + 1))
+
+
+def _down_rings(ahead: Floats, points: Floats, chord: Floats) -> tuple[Floats, Bools]:
+    """(n,) leads of partners, even along each run of stations down a foot ring and up again; and (n,) where these are.
+
+    points, chord  (n, 3) of the stations, and from there to the nearest points of the inner loop
+    """
+    n = len(points)
+    ahead, down = ahead.copy(), np.zeros(n, dtype=bool)
+    for rows in ring_runs(points, chord):
+        ahead[rows] = np.linspace(ahead[rows[0] - 1], ahead[(rows[-1] + 1) % n], len(rows))
+        down[rows] = True
+    return ahead, down
 
 
 def _halved(loops: tuple[_Loop, _Loop], pairs: Floats, corners: Ints, wide: Bools) -> tuple[Floats, Ints]:
