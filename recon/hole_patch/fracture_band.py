@@ -124,6 +124,7 @@ class FractureBand:
             apart = np.abs(band.t[:, None] - band.t[:-1][folded][None, :])
             if self.closed:
                 apart = np.minimum(apart, band.t[-1] - apart)
+                apart[-1] = apart[0]  # the same station, but for rounding
             share = 1.0 - 0.5 * np.exp(-((apart.min(axis=1) / DAMPED) ** 2))
             band = band.following(relief=band.rows[:, RELIEF] * share[:, None])
         return band.following(relief=np.zeros_like(band.rows[:, RELIEF]))

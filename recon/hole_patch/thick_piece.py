@@ -23,8 +23,8 @@ from scipy.spatial import cKDTree
 from recon.geometry.bspline import BSplineCurve
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import ThickPiece, TrimLoop, TrimmedSurface
-from recon.hole_patch.fracture_band import UV, FractureBand, rung_points
 from recon.hole_patch.foot_rungs import bend_into_rings, ring_runs
+from recon.hole_patch.fracture_band import UV, FractureBand, rung_points
 from recon.hole_patch.fracture_relief import fracture_relief
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.thickness import check_apart
@@ -159,7 +159,7 @@ def _partners(outer: _Loop, inner: _Loop, stations: Floats) -> Floats:
 
 
 def _kept_from(down: Bools, half: int) -> Ints:
-    """(n,) half widths that reach over no end of a run in a closed row: what lies beyond would draw it out of a ring."""
+    """(n,) half widths that reach over no end of a run in a closed row: what lies beyond would draw it off a ring."""
     ends = np.flatnonzero(down != np.roll(down, 1))
     if not len(ends):
         return np.full(len(down), half)
