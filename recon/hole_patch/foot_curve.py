@@ -42,6 +42,7 @@ Ints = NDArray[np.int64]
 STEP = 1.5  # within which radii and heights are alike
 STRETCH = 2.0  # of s: shorter than the side of any foot ring
 COMES_BACK = 0.5  # of the turn round which the most usual samples of a stretch come back
+LEAST_BACK = 0.4  # of what is usual along the whole wall
 MISSED = 1.5  # relief leaves less, and a bend that is cut
 BETTER = 0.5  # of what the stiff curve missed, at most
 FEW = 20  # samples in a stretch that say nothing
@@ -89,7 +90,9 @@ def recurring(wall: Wall, axis: Axis, samples: SectionSamples, s: Floats) -> Boo
     stretch = _stretches(s)
     most = np.zeros(stretch.max() + 1, dtype=np.int64)
     np.maximum.at(most, stretch, around)
-    return np.asarray(around >= COMES_BACK * most[stretch])
+    # where the samples end, a swelling goes on a little longer than the wall beside it
+    asked = np.maximum(COMES_BACK * most, LEAST_BACK * np.median(most[most > 0]))
+    return np.asarray(around >= asked[stretch])
 
 
 def _stretches(s: Floats) -> Ints:

@@ -161,7 +161,7 @@ def _linked_by_nearness(cells: SectionSamples, heavy: Bools, link: float) -> "sp
 def _lengths_from_base(
     graph: "sparse.csr_array", cells: SectionSamples, heavy: Bools, *, edge: Floats, link: float
 ) -> Floats:
-    """(n,) lengths through the graph from the end of the profile that is nearer to the base; NaN off the hole's part."""
+    """(n,) lengths through the graph from the end of the profile nearer to the base; NaN off the hole's part."""
     part = connected_components(graph, directed=False)[1]
     at_hole = np.unique(cKDTree(cells.place[heavy]).query(edge)[1])
     end = int(np.flatnonzero(part == np.bincount(part[heavy][at_hole]).argmax())[0])
