@@ -25,7 +25,7 @@ from recon.geometry.patches import PatchNetwork
 from recon.readers.contours import CONTOUR_ENDINGS, read_contours
 from recon.readers.height_grids import GRID_ENDINGS, read_height_grid
 from recon.terrain.clipping import clip_to_box
-from recon.terrain.contouring import contour_grid, contour_levels
+from recon.terrain.contouring import contour_grid, contour_levels, largest_piece
 from recon.terrain.evaluation import contour_distances, distances_between, edge_angles, elevations
 from recon.terrain.network import stretched, terrain_network
 from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_surface
@@ -47,8 +47,8 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the map, make the ground, close it if asked, prove it, write it."""
     _check_request(request)
     with bench.phase("read", "reading the map"):
-        contours = _clipped(_read(request), request["clip"])
-        against = None if request["against"] is None else read_height_grid(request["against"])
+        contours = _clipped(_read(request, bench), request["clip"])
+        against = _against(request)
     with bench.phase("reconstruct", "following the contours"):
         options = _options(request)
         ground = terrain_surface(contours, options, doing=bench.doing)
@@ -118,21 +118,31 @@ def _sidecar(path: str) -> str:
     return f"{path}.json"
 
 
-def _read(request: Mapping[str, Any]) -> ContourMap:
+def _read(request: Mapping[str, Any], bench: Bench) -> ContourMap:
     path = request["inputs"][0]
     if Path(path).suffix.lower() in GRID_ENDINGS:
         if request["interval"] is None:
             raise BadOption("--interval", f"{path} is a grid; say at which interval in metres to contour it")
         if request["unit"] not in (None, "m"):
             raise BadOption("--unit", f"{path} is a grid, which is read in metres; convert it first")
-        return contour_grid(read_height_grid(path), request["interval"])
+        grid, lost = largest_piece(read_height_grid(path, project=request["project"]))
+        if lost:
+            bench.note(
+                f"{lost} heights that voids cut off from the largest piece of the grid are left out.", name="ground"
+            )
+        return contour_grid(grid, request["interval"])
     if request["interval"] is not None:
         raise BadOption(
             "--interval", f"{path} holds contours already; only a grid ({' '.join(GRID_ENDINGS)}) is contoured"
         )
     if Path(path).suffix.lower() not in CONTOUR_ENDINGS:
         raise BadOption("contours", f"{path}: give {' '.join(CONTOUR_ENDINGS)}, or a grid {' '.join(GRID_ENDINGS)}")
-    return read_contours(path, attribute=request["attribute"], unit=request["unit"])
+    told = {name: request[name] for name in ("attribute", "unit", "break_lines", "project")}
+    return read_contours(path, **told)
+
+
+def _against(request: Mapping[str, Any]) -> HeightGrid | None:
+    return None if request["against"] is None else read_height_grid(request["against"], project=request["project"])
 
 
 def _clipped(contours: ContourMap, clip: str | None) -> ContourMap:
@@ -164,7 +174,7 @@ def _to_be_cut(
     added = None if (contours.heights == level).any() else contours_at(ground, [level])
     if added is not None:
         heights = [*contours.heights.tolist(), *added.heights.tolist()]
-        contours = ContourMap([*contours.lines, *added.lines], heights, contours.extent, contours.crs)
+        contours = contours.with_lines([*contours.lines, *added.lines], heights)
     bench.doing("cutting at the base")
     options = replace(options, tolerance=ground.tolerance, mend=False)
     return terrain_surface(contours, options, floor=level, doing=bench.doing)
@@ -250,8 +260,10 @@ def _figures(contours: ContourMap, ground: Terrain, against: HeightGrid | None) 
     free = len(ground.tiling.points) - ground.tiling.curves.n_vertices
     figures: dict[str, Any] = {
         "contours": len(contours.lines),
+        "voids": len(contours.voids),
         "vertices": ground.tiling.curves.n_vertices,
-        "free_vertices": free,
+        "free_vertices": free - len(ground.tiling.spots),
+        "spot_heights": len(ground.tiling.spots),
         "quads": int((~ground.layout.is_triangle).sum()),
         "sleeves": int((sides == 1).sum()),
         "terminals": int((sides == 2).sum()),

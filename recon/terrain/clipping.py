@@ -34,4 +34,5 @@ def clip_to_box(contours: ContourMap, box: Floats) -> ContourMap:
                 heights.append(height)
     if not lines:
         raise BadOption("--clip", "the box holds no contour")
-    return ContourMap(lines, heights, [low, high], contours.crs)
+    spots = contours.spots[((contours.spots[:, :2] > low) & (contours.spots[:, :2] < high)).all(axis=1)]
+    return ContourMap(lines, heights, [low, high], contours.crs, spots)

@@ -15,9 +15,10 @@ import pythoncdt
 from numpy.typing import NDArray
 
 from recon.errors import BadGeometry
+from recon.geometry.contour_map import ContourMap
 from recon.terrain.contour_curves import ContourCurves
 
-__all__ = ["CurvesMeet", "Tiling", "tile", "with_free_vertices", "NO_SEGMENT"]
+__all__ = ["CurvesMeet", "Frame", "NO_SEGMENT", "Tiling", "tile", "with_free_vertices"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -29,8 +30,19 @@ ALONG = 1e-6  # metres that a segment along the border may leave it
 
 
 @dataclass(frozen=True, eq=False)
+class Frame:
+    """What a map has beside the curves of its contours: border, voids, spot heights.
+
+    border_step  metres between free vertices on the border, at most
+    """
+
+    contours: ContourMap
+    border_step: float
+
+
+@dataclass(frozen=True, eq=False)
 class Tiling:
-    """Triangles between contours; the first vertices are those of `curves`, the others are free.
+    """Triangles between contours; the first vertices are those of `curves`, the others are free or spot heights.
 
     points        (V, 2)
     triangles     (F, 3) counter-clockwise; side k of a triangle runs from its vertex k to vertex k + 1
@@ -38,6 +50,7 @@ class Tiling:
     side_edges    (F, 3) edge on every side
     edge_faces    (E, 2) triangles to the left and right of the edge, -1 where there is none
     edge_segment  (E,) segment of the contour that the edge is, or NO_SEGMENT
+    spots         (s, 3) places that are vertices, the last ones, and whose height is known
     """
 
     curves: ContourCurves
@@ -47,6 +60,7 @@ class Tiling:
     side_edges: Ints
     edge_faces: Ints
     edge_segment: Ints
+    spots: Floats
 
     @property
     def is_contour(self) -> NDArray[np.bool_]:
@@ -54,21 +68,22 @@ class Tiling:
         return self.edge_segment != NO_SEGMENT
 
     def vertex_heights(self) -> Floats:
-        """(V,) heights of the contours' vertices, NaN at free vertices."""
+        """(V,) heights of the contours' vertices and of spot heights, NaN at free vertices."""
         known = self.curves.heights[self.curves.vertex_contours()]
-        return np.r_[known, np.full(len(self.points) - len(known), np.nan)]
+        n_free = len(self.points) - len(known) - len(self.spots)
+        return np.r_[known, np.full(n_free, np.nan), self.spots[:, 2]]
 
     def contour_sides(self) -> Ints:
         """(F,) contour edges of every triangle: 2 a terminal, 1 a sleeve, 0 a junction."""
         return self.is_contour[self.side_edges].sum(axis=1)
 
     def flat_edges(self) -> NDArray[np.bool_]:
-        """(E,) whether an edge joins two contour vertices of one height without being a contour edge."""
+        """(E,) whether an edge joins two vertices of one known height without being a contour edge."""
         z = self.vertex_heights()[self.edges]
         return (z[:, 0] == z[:, 1]) & ~self.is_contour
 
     def flat_triangles(self) -> NDArray[np.bool_]:
-        """(F,) whether all three corners are contour vertices of one height."""
+        """(F,) whether all three corners have one known height."""
         z = self.vertex_heights()[self.triangles]
         return (z[:, 0] == z[:, 1]) & (z[:, 1] == z[:, 2])
 
@@ -85,52 +100,52 @@ class CurvesMeet(BadGeometry):
         )
 
 
-def tile(curves: ContourCurves, extent: Floats, free: Floats, *, border_step: float) -> Tiling:
-    """Triangles of the map rectangle with every contour segment an edge.
+def tile(curves: ContourCurves, frame: Frame, free: Floats) -> Tiling:
+    """Triangles of the map rectangle but its voids, with every contour segment an edge.
 
-    extent       (2, 2) corners of the map
-    free         (n, 2) free vertices besides those on the border
-    border_step  metres between free vertices on the border, at most
-    Promises     segments whose chords cross are halved until they do not.
-    Raises       CurvesMeet with the places at which that does not help.
+    free      (n, 2) free vertices besides those on the border and the spot heights
+    Promises  segments whose chords cross are halved until they do not.
+    Raises    CurvesMeet with the places at which that does not help.
     """
-    border = _border_points(curves.vertices(), extent, free, border_step)
-    tiling, lost = _triangulated(curves, np.vstack([border, free]), extent)
+    free = np.vstack([free, frame.contours.spots[:, :2]])
+    border = _border_points(np.vstack([curves.vertices(), free]), frame)
+    tiling, lost = _triangulated(curves, np.vstack([border, free]), frame)
     for _ in range(SPLITS):
         if tiling is not None and not lost.any():
             return tiling
         curves = curves.split(lost)
-        tiling, lost = _triangulated(curves, np.vstack([border, free]), extent)
+        tiling, lost = _triangulated(curves, np.vstack([border, free]), frame)
     if tiling is not None and not lost.any():
         return tiling
     raise CurvesMeet(curves.bezier[lost].mean(axis=1), float(curves.heights[curves.contour[lost][0]]))
 
 
-def _border_points(vertices: Floats, extent: Floats, free: Floats, step: float) -> Floats:
-    """Free vertices on the border of the map: its corners, and points between those where contours leave it."""
-    (x0, y0), (x1, y1) = extent
-    added = [np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])]
-    taken = np.vstack([vertices, free])
-    for axis, at, (low, high) in ((1, y0, (x0, x1)), (1, y1, (x0, x1)), (0, x0, (y0, y1)), (0, x1, (y0, y1))):
-        along = np.unique(np.r_[low, taken[taken[:, axis] == at, 1 - axis], high])
+def _border_points(taken: Floats, frame: Frame) -> Floats:
+    """Free vertices on the border: its corners, and points between those and the places that are taken."""
+    corners = frame.contours.corners()
+    added, taken_too = [corners], np.vstack([taken, corners])
+    for axis, at, low, high in frame.contours.sides():
+        along = taken_too[taken_too[:, axis] == at, 1 - axis]
+        along = np.unique(np.r_[low, along[(along > low) & (along < high)], high])
         gap = np.diff(along)
-        parts = np.maximum(np.ceil(gap / step).astype(int), 1)
+        parts = np.maximum(np.ceil(gap / frame.border_step).astype(int), 1)
         leg = np.repeat(np.arange(len(gap)), parts)
         share = (np.arange(len(leg)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[leg]
         new = np.empty(((share > 0).sum(), 2))
         new[:, axis] = at
         new[:, 1 - axis] = (along[leg] + share * gap[leg])[share > 0]
         added.append(new)
-    corners = added[0]
+    points = np.unique(np.vstack(added), axis=0)  # a void's side may lie on the map's
     same = (corners[:, None] == taken[None]).all(axis=2).any(axis=1)
-    return np.vstack([corners[~same], *added[1:]])
+    at_corner = (points[:, None] == corners[same][None]).all(axis=2).any(axis=1)
+    return points[~at_corner]
 
 
-def _triangulated(curves: ContourCurves, free: Floats, extent: Floats) -> tuple[Tiling | None, NDArray[np.bool_]]:
+def _triangulated(curves: ContourCurves, free: Floats, frame: Frame) -> tuple[Tiling | None, NDArray[np.bool_]]:
     """The triangulation, or None where curves cross; and which segments it lacks, since their chords meet another."""
     points = np.vstack([curves.vertices(), free])
     chords = np.column_stack([curves.start, curves.end])
-    rim = _rim(points, extent)
+    rim = _rim(points, frame)
     work = pythoncdt.Triangulation(
         pythoncdt.VertexInsertionOrder.AUTO, pythoncdt.IntersectingConstraintEdges.TRY_RESOLVE, 0.0
     )
@@ -144,18 +159,19 @@ def _triangulated(curves: ContourCurves, free: Floats, extent: Floats) -> tuple[
         held = triangles[(triangles < len(points)).all(axis=1)]
         return None, ~np.isin(_key(chords, len(points)), _key(_sides(held), len(points)))
     triangles = _without_slivers(triangles, points)
-    tiling = _tiling(curves, points, triangles)
+    triangles = triangles[~frame.contours.in_void(points[triangles].mean(axis=1))]
+    points, triangles = _used(points, triangles, curves.n_vertices)
+    tiling = _tiling(curves, points, triangles, frame.contours.spots)
     lost = np.ones(len(chords), dtype=bool)
     lost[tiling.edge_segment[tiling.is_contour]] = False
     return tiling, (lost & ~rim_chord) | bulging
 
 
-def _rim(points: Floats, extent: Floats) -> Ints:
+def _rim(points: Floats, frame: Frame) -> Ints:
     """(n, 2) edges along the border, through all vertices on it."""
-    (x0, y0), (x1, y1) = extent
     pairs = []
-    for axis, at in ((1, y0), (1, y1), (0, x0), (0, x1)):
-        on = np.flatnonzero(points[:, axis] == at)
+    for axis, at, low, high in frame.contours.sides():
+        on = np.flatnonzero((points[:, axis] == at) & (points[:, 1 - axis] >= low) & (points[:, 1 - axis] <= high))
         on = on[np.argsort(points[on, 1 - axis], kind="stable")]
         pairs.append(np.column_stack([on[:-1], on[1:]]))
     return np.vstack(pairs)
@@ -176,7 +192,15 @@ def _without_slivers(triangles: Ints, points: Floats) -> Ints:
     return triangles[area > 0]
 
 
-def _tiling(curves: ContourCurves, points: Floats, triangles: Ints) -> Tiling:
+def _used(points: Floats, triangles: Ints, n_first: int) -> tuple[Floats, Ints]:
+    """The first points and those of triangles, renumbered: a void on the map's border leaves points alone there."""
+    used = np.zeros(len(points), dtype=bool)
+    used[:n_first] = True
+    used[triangles] = True
+    return points[used], (np.cumsum(used) - 1)[triangles]
+
+
+def _tiling(curves: ContourCurves, points: Floats, triangles: Ints, spots: Floats) -> Tiling:
     n, n_faces = len(points), len(triangles)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     key, first, slot = np.unique(_key(sides, n), return_index=True, return_inverse=True)
@@ -191,10 +215,10 @@ def _tiling(curves: ContourCurves, points: Floats, triangles: Ints) -> Tiling:
     faces = np.full((len(edges), 2), -1)
     right = (sides[:, 0] != edges[slot, 0]).astype(np.int64)
     faces[slot, right] = np.arange(3 * n_faces) // 3
-    return Tiling(curves, points, triangles, edges, slot.reshape(-1, 3), faces, segment)
+    return Tiling(curves, points, triangles, edges, slot.reshape(-1, 3), faces, segment, spots)
 
 
-def with_free_vertices(curves: ContourCurves, extent: Floats, *, border_step: float) -> tuple[Tiling, Floats]:
+def with_free_vertices(curves: ContourCurves, frame: Frame) -> tuple[Tiling, Floats]:
     """The tiling with free vertices wherever it would be flat, and those of them that lie off the border's own (n, 2).
 
     Promises  no triangle has three contour vertices of one height for its corners.
@@ -202,7 +226,7 @@ def with_free_vertices(curves: ContourCurves, extent: Floats, *, border_step: fl
     """
     free = np.empty((0, 2))
     for turn in range(FLAT_ROUNDS):
-        tiling = tile(curves, extent, free, border_step=border_step)
+        tiling = tile(curves, frame, free)
         curves = tiling.curves
         flat = tiling.flat_triangles()
         if turn >= FREE_ROUNDS and not flat.any():

@@ -41,7 +41,7 @@ def terrain(
         Path,
         typer.Argument(
             metavar="CONTOURS",
-            help="Contour lines (.geojson .csv), or a height grid (.asc .json .tif) with --interval.",
+            help="Contour lines (.geojson .csv .dxf .shp .gpkg), or a grid (.asc .json .tif .hgt) with --interval.",
         ),
     ],
     outputs: Outputs = None,
@@ -64,6 +64,15 @@ def terrain(
     exaggerate: Annotated[float | None, typer.Option(help="Stretch heights by this factor.", min=1e-6)] = None,
     mend: Annotated[
         bool, typer.Option("--mend", help="Leave out contours that repeat another; each is named.")
+    ] = False,
+    project: Annotated[
+        bool, typer.Option("--project", help="Bring a map in degrees to the metres of its UTM zone.")
+    ] = False,
+    break_lines: Annotated[
+        bool,
+        typer.Option(
+            "--break-lines", help="Take lines whose height changes along them for break lines, not for faulty contours."
+        ),
     ] = False,
     base_depth: Annotated[
         float | None, typer.Option(help="Close to a solid, its base so many metres below the ground.", min=1e-3)
