@@ -241,7 +241,7 @@ def test_an_srtm_tile_is_refused_in_degrees_and_read_in_metres_with_its_voids(tm
     heights[600:620, 300:330] = -32768
     path = tmp_path / "N46W123.hgt"
     path.write_bytes(heights.tobytes())
-    with pytest.raises(UnreadableFile, match="degrees.*--project"):
+    with pytest.raises(UnreadableFile, match=r"degrees.*--project"):
         read_height_grid(path)
     grid = read_height_grid(path, project=True)
     assert grid.crs == "EPSG:32610"
