@@ -71,6 +71,7 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         paint=partial(_paint, report),
         beside=beside,
         measured=partial(_measured, contours, ground, against, _stretch(request)),
+        sheets=[partial(_draw_map, contours, ground, against)],
     )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
@@ -316,6 +317,12 @@ def _measured(
 def _placed(places: NDArray[np.float64], height: Any, ground: Terrain, stretch: NDArray[np.float64]) -> Any:
     """Map places (n, 2) with their height in the file's own coordinates."""
     return np.column_stack([places - ground.origin, np.broadcast_to(height, len(places))]) * stretch
+
+
+def _draw_map(contours: ContourMap, ground: Terrain, against: HeightGrid | None, path: Path) -> None:
+    from brep_export.app.terrain_map import draw_map
+
+    draw_map(path, contours, ground, against)
 
 
 def _paint(report: CheckReport, path: Path) -> None:
