@@ -62,7 +62,7 @@ Point = tuple[float, float, float]
 
 # what each line of the gate says of a shape that passes it, and the beginnings of the codes of its defects
 LINES = (
-    ("every shell is closed and in one piece", ("shell-", "no-", "not-a-", "beside-solids", "kernel-failure")),
+    ("every shell is closed and in one piece", ("shell-", "no-", "not-a", "beside-solids", "kernel-failure")),
     ("every edge is used twice, in opposite directions", ("edge-overused", "face-flipped", "free-edge")),
     (
         "the kernel's check passes, tolerances cover the gaps, and smooth edges are smooth",
