@@ -2,26 +2,11 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from brep_export.app.commands.options import (
-    AllowOpen,
-    AsJson,
-    Debug,
-    DryRun,
-    Force,
-    Name,
-    Outputs,
-    Picture,
-    ProtocolSchema,
-    Quiet,
-    Report,
-    Schema,
-    Silence,
-    Timeout,
-)
+from brep_export.app.commands.options import RUNNING, WRITING, AllowOpen, Outputs, takes
 from brep_export.app.front_desk import answer
 
 __all__ = ["terrain"]
@@ -36,6 +21,7 @@ class PatchKind(StrEnum):
     GREGORY = "gregory"
 
 
+@takes(WRITING, RUNNING)
 def terrain(
     inputs: Annotated[
         Path,
@@ -96,18 +82,8 @@ def terrain(
         ),
     ] = None,
     against: Annotated[Path | None, typer.Option(help="Height grid to measure the ground against.")] = None,
-    schema: ProtocolSchema = Schema.AP214,
-    name: Name = None,
-    picture: Picture = None,
-    report: Report = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    timeout: Timeout = None,
     allow_open: AllowOpen = False,
-    force: Force = False,
-    silence: Silence = None,
-    dry_run: DryRun = False,
-    debug: Debug = False,
+    **usual: Any,
 ) -> None:
     """Smooth mountain of G1 faces, or a solid, from contour lines."""
     answer("terrain", JOB, locals() | {"more_endings": (".geojson",)}, header_unit="M")
