@@ -40,6 +40,7 @@ Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 LINES_ENDING = ".geojson"
 TOLERANCE = Tolerance(merge=1e-5, fit=0.01)
 
+MOST_COARSE, PICTURE_SAG = 100_000, 1e-4  # triangles, and their distance from the faces in diagonals of the shape
 MOST_PLACES, GRID_COLOUR = 30_000, "#b98d66"  # of a grid in the page's view
 
 
@@ -68,7 +69,7 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         report,
         dict(request) | {"name": request["name"] or "terrain", "outputs": _shape_files(request)},
         bench,
-        paint=partial(_paint, report),
+        paint=partial(_paint, shape, report),
         beside=beside,
         measured=partial(_measured, contours, ground, against, _stretch(request)),
         sheets=[partial(_draw_map, contours, ground, against)],
@@ -325,10 +326,15 @@ def _draw_map(contours: ContourMap, ground: Terrain, against: HeightGrid | None,
     draw_map(path, contours, ground, against)
 
 
-def _paint(report: CheckReport, path: Path) -> None:
+def _paint(shape: TopoDS_Shape, report: CheckReport, path: Path) -> None:
+    """In raking light chords a metre off a face look like creases: small grounds are cut finer than for the gate."""
     from brep_export.app.pictures import CLAY, Part, View, draw
+    from brep_export.triangulation import triangulate
 
-    ground = Part(report.triangles(), CLAY[0], smooth=False)
+    mesh = report.triangles()
+    if mesh.n_faces < MOST_COARSE:
+        mesh = triangulate(shape, PICTURE_SAG * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0))), angle=0.2).mesh
+    ground = Part(mesh, CLAY[0])
     draw(
         path, [View("from the south", (ground,), (0.3, -1.4, 0.9)), View("raking light", (ground,), (-1.6, -0.4, 0.35))]
     )
