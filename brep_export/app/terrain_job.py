@@ -24,7 +24,8 @@ from recon.geometry.contour_map import ContourMap, HeightGrid
 from recon.geometry.patches import PatchNetwork
 from recon.readers.contours import CONTOUR_ENDINGS, read_contours
 from recon.readers.height_grids import GRID_ENDINGS, read_height_grid
-from recon.terrain.clipping import clip_to_box
+from recon.readers.map_polygons import POLYGON_ENDINGS, read_polygon
+from recon.terrain.clipping import clip_to_box, clip_to_polygon
 from recon.terrain.contouring import contour_grid, contour_levels, largest_piece
 from recon.terrain.evaluation import contour_distances, distances_between, edge_angles, elevations
 from recon.terrain.network import stretched, terrain_network
@@ -150,10 +151,14 @@ def _against(request: Mapping[str, Any]) -> HeightGrid | None:
 def _clipped(contours: ContourMap, clip: str | None) -> ContourMap:
     if clip is None:
         return contours
+    if Path(clip).suffix.lower() in POLYGON_ENDINGS:
+        return clip_to_polygon(contours, read_polygon(clip))
     try:
         box = np.array([float(word) for word in clip.split(",")]).reshape(2, 2)
     except ValueError as problem:
-        raise BadOption("--clip", f"give four numbers, west,south,east,north, not {clip!r}") from problem
+        raise BadOption(
+            "--clip", f"give four numbers, west,south,east,north, or a GeoJSON file of a polygon, not {clip!r}"
+        ) from problem
     return clip_to_box(contours, box)
 
 

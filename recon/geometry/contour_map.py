@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -25,17 +24,18 @@ class ContourMap:
     extent   (2, 2) lower left and upper right corner of the map; the lines' own bounding box when None
     crs      name of the coordinate reference system, as the file gives it, or an empty text
     spots    (s, 3) places between the contours whose height is known
-    voids    rings (n, 2), n >= 5, their first point repeated at the end, within which nothing was measured; their
-             sides lie along x or y, as those of a grid's cells
+    voids    rings (n, 2), n >= 4, their first point repeated at the end, within which nothing was measured
+    outline  the ring round the map; the rectangle of its extent when None
     Raises  BadGeometry.
     """
 
     lines: tuple[Floats, ...]
     heights: Floats
     extent: Floats
+    crs: str
     spots: Floats
-    crs: str = ""
-    voids: tuple[Floats, ...] = ()
+    voids: tuple[Floats, ...]
+    outline: Floats
 
     def __init__(
         self,
@@ -45,6 +45,7 @@ class ContourMap:
         crs: str = "",
         spots: ArrayLike | None = None,
         voids: Sequence[ArrayLike] = (),
+        outline: ArrayLike | None = None,
     ) -> None:
         frozen = tuple(frozen_floats(line, (None, 2), f"contour {i}") for i, line in enumerate(lines))
         if not frozen:
@@ -53,7 +54,7 @@ class ContourMap:
         if short is not None:
             raise BadGeometry("contour map", f"contour {short} has one vertex only")
         if extent is None:
-            points = np.concatenate(frozen)
+            points = np.concatenate(frozen) if outline is None else np.asarray(outline, dtype=np.float64)
             extent = np.array([points.min(axis=0), points.max(axis=0)])
         object.__setattr__(self, "lines", frozen)
         object.__setattr__(self, "heights", frozen_floats(heights, (len(frozen),), "contour map: heights"))
@@ -61,11 +62,9 @@ class ContourMap:
         object.__setattr__(self, "crs", crs)
         spots = np.empty((0, 3)) if spots is None else spots
         object.__setattr__(self, "spots", frozen_floats(spots, (None, 3), "contour map: spots"))
-        rings = tuple(frozen_floats(ring, (None, 2), f"void {i}") for i, ring in enumerate(voids))
-        for i, ring in enumerate(rings):
-            if len(ring) < 5 or (ring[0] != ring[-1]).any() or ((ring[1:] != ring[:-1]).sum(axis=1) != 1).any():
-                raise BadGeometry(f"void {i}", "is no closed ring whose sides lie along x or y")
-        object.__setattr__(self, "voids", rings)
+        object.__setattr__(self, "voids", tuple(_ring(ring, f"void {i}") for i, ring in enumerate(voids)))
+        around = _rectangle(*self.extent) if outline is None else _ring(outline, "outline")
+        object.__setattr__(self, "outline", around)
 
     @property
     def n_points(self) -> int:
@@ -80,38 +79,46 @@ class ContourMap:
     def moved(self, origin: ArrayLike) -> "ContourMap":
         """The same map with `origin` (2,) at (0, 0)."""
         to = np.asarray(origin, dtype=np.float64)
-        spots, voids = self.spots - np.r_[to, 0.0], [ring - to for ring in self.voids]
-        return ContourMap([line - to for line in self.lines], self.heights, self.extent - to, self.crs, spots, voids)
-
-    def sides(self) -> list[tuple[int, float, float, float]]:
-        """Straight pieces of the border, those of voids too: the axis that stays, its value, the range of the other."""
-        (x0, y0), (x1, y1) = self.extent.tolist()
-        found = [(1, y0, x0, x1), (1, y1, x0, x1), (0, x0, y0, y1), (0, x1, y0, y1)]
-        for ring in self.voids:
-            for a, b in pairwise(ring.tolist()):
-                axis = 0 if a[0] == b[0] else 1
-                found.append((axis, a[axis], *sorted((a[1 - axis], b[1 - axis]))))
-        return found
-
-    def corners(self) -> Floats:
-        """(n, 2) points where the border turns, those of voids too."""
-        (x0, y0), (x1, y1) = self.extent
-        return np.vstack([[[x0, y0], [x1, y0], [x1, y1], [x0, y1]], *(ring[:-1] for ring in self.voids)])
-
-    def in_void(self, places: Floats) -> NDArray[np.bool_]:
-        """(m,) whether places (m, 2) lie inside a void."""
-        inside = np.zeros(len(places), dtype=bool)
-        for ring in self.voids:
-            inside |= shapely.contains_xy(shapely.Polygon(ring), places[:, 0], places[:, 1])
-        return inside
+        return ContourMap(
+            [line - to for line in self.lines],
+            self.heights,
+            self.extent - to,
+            self.crs,
+            self.spots - np.r_[to, 0.0],
+            [ring - to for ring in self.voids],
+            self.outline - to,
+        )
 
     def with_lines(self, lines: Sequence[ArrayLike], heights: ArrayLike) -> "ContourMap":
         """The same map with other contours."""
-        return ContourMap(lines, heights, self.extent, self.crs, self.spots, self.voids)
+        return ContourMap(lines, heights, self.extent, self.crs, self.spots, self.voids, self.outline)
 
     def with_spots(self, spots: ArrayLike) -> "ContourMap":
         """The same map with other spot heights."""
-        return ContourMap(self.lines, self.heights, self.extent, self.crs, spots, self.voids)
+        return ContourMap(self.lines, self.heights, self.extent, self.crs, spots, self.voids, self.outline)
+
+    def sides(self) -> Floats:
+        """(n, 2, 2) straight pieces of the border, those of voids too."""
+        return np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in (self.outline, *self.voids)])
+
+    def holds(self, places: Floats) -> NDArray[np.bool_]:
+        """(m,) whether places (m, 2) lie inside the map, and in no void."""
+        inside = shapely.contains_xy(shapely.Polygon(self.outline), places[:, 0], places[:, 1])
+        for ring in self.voids:
+            inside &= ~shapely.contains_xy(shapely.Polygon(ring), places[:, 0], places[:, 1])
+        return np.asarray(inside)
+
+
+def _ring(points: ArrayLike, what: str) -> Floats:
+    ring = frozen_floats(points, (None, 2), what)
+    if len(ring) < 4 or (ring[0] != ring[-1]).any() or not shapely.Polygon(ring).is_valid:
+        raise BadGeometry(what, "is no closed ring that keeps clear of itself")
+    return ring
+
+
+def _rectangle(low: Floats, high: Floats) -> Floats:
+    (x0, y0), (x1, y1) = low, high
+    return frozen_floats([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]], (5, 2), "contour map: extent")
 
 
 @dataclass(frozen=True, eq=False)

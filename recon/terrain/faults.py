@@ -70,9 +70,7 @@ def _loose_ends(contours: ContourMap, number: int, tolerance: float) -> list[Flo
     line = contours.lines[number]
     if (line[0] == line[-1]).all():
         return []
-    border = shapely.union_all(
-        [shapely.box(*contours.extent.ravel()).exterior, *map(shapely.LineString, contours.voids)]
-    )
+    border = shapely.MultiLineString([contours.outline, *contours.voids])
     return [end for end in (line[0], line[-1]) if border.distance(shapely.Point(end)) > tolerance]
 
 

@@ -178,19 +178,19 @@ def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap,
 
 
 def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
-    """The contours with ends that miss the border of the map by less than the tolerance put on it, to the last bit."""
-    axis, at, low, high = np.array(contours.sides()).T
+    """The contours with ends that miss the border of the map by less than the tolerance put on it."""
+    sides = contours.sides()
+    way = sides[:, 1] - sides[:, 0]
+    square = np.einsum("ij,ij->i", way, way)
     lines = []
     for line in contours.lines:
         moved = np.clip(line, *contours.extent)
-        if not (line[0] == line[-1]).all():
-            for end in (0, -1):
-                x, y = moved[end]
-                across, along = np.where(axis == 0, x, y), np.where(axis == 0, y, x)
-                gap = np.hypot(across - at, np.maximum(np.maximum(low - along, along - high), 0.0))
-                side = int(np.argmin(gap))
-                if gap[side] < tolerance:
-                    moved[end, int(axis[side])] = at[side]
+        for end in () if (line[0] == line[-1]).all() else (0, -1):
+            share = np.clip(np.einsum("ij,ij->i", moved[end] - sides[:, 0], way) / square, 0.0, 1.0)
+            foot = sides[:, 0] + share[:, None] * way
+            gap = np.linalg.norm(foot - moved[end], axis=1)
+            if gap.min() < tolerance:
+                moved[end] = foot[int(np.argmin(gap))]
         lines.append(moved)
     return contours.with_lines(lines, contours.heights)
 

@@ -151,7 +151,7 @@ def contour_samples(contours: ContourMap) -> ContourSamples:
     first = np.r_[0, np.cumsum([len(p) for p in points])]
     contour = np.repeat(np.arange(len(points)), np.diff(first))
     rows = np.concatenate(points), np.concatenate(parameter), np.concatenate(weight), contour
-    room = np.minimum(_way_to_another_strand(*rows), _way_to_voids(rows, closed, contours.voids))
+    room = np.minimum(_way_to_another_strand(*rows), _way_to_border(rows, closed, contours))
     return ContourSamples(*rows, room, first, closed, contours.heights, spacing)
 
 
@@ -194,12 +194,10 @@ def _way_to_another_strand(points: Floats, parameter: Floats, weight: Floats, co
     return way
 
 
-def _way_to_voids(rows: tuple[Floats, Floats, Floats, Ints], closed: Flags, voids: tuple[Floats, ...]) -> Floats:
-    """(m,) distance of every sample to the border of a void, but for where its own contour is about to end."""
+def _way_to_border(rows: tuple[Floats, Floats, Floats, Ints], closed: Flags, contours: ContourMap) -> Floats:
+    """(m,) distance of every sample to the border of the map or a void, but for where its contour is about to end."""
     points, parameter, weight, contour = rows
-    if not voids:
-        return np.full(len(points), np.inf)
-    border = shapely.union_all([shapely.LineString(ring) for ring in voids])
+    border = shapely.MultiLineString([contours.outline, *contours.voids])
     shapely.prepare(border)
     way = np.asarray(shapely.distance(border, shapely.points(points)))
     length = np.bincount(contour, weight)[contour]

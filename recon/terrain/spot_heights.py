@@ -33,11 +33,9 @@ def spots_beside_contours(contours: ContourMap, tolerance: float, *, mend: bool)
     (spot, line), _ = tree.query_nearest(places, max_distance=NEAR * tolerance, return_distance=True, all_matches=False)
     off = np.abs(spots[spot, 2] - contours.heights[line])
     _refuse(spots, spot[off > 0.5 * contours.interval()], "lies on a contour of another height", mend=mend)
-    low, high = contours.extent
-    kept = ((spots[:, :2] > low) & (spots[:, :2] < high)).all(axis=1)
+    border = shapely.MultiLineString([contours.outline, *contours.voids])
+    kept = contours.holds(spots[:, :2]) & (shapely.distance(border, places) > tolerance)
     kept[spot] = False
-    for ring in contours.voids:
-        kept &= ~shapely.intersects(shapely.Polygon(ring), places)
     if kept.all():
         return contours, ()
     note = f"{int((~kept).sum())} spot heights lie on contours, in voids or off the map and say nothing more"

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pythoncdt
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from recon.errors import BadGeometry
 from recon.geometry.contour_map import ContourMap
@@ -27,6 +28,7 @@ NO_SEGMENT = -1
 SPLITS = 4  # times that segments whose chords cross are halved
 FREE_ROUNDS, FLAT_ROUNDS = 1, 12
 ALONG = 1e-6  # metres that a segment along the border may leave it
+ON_BORDER = 1e-8  # metres from a side of the border within which a vertex lies on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,23 +124,39 @@ def tile(curves: ContourCurves, frame: Frame, free: Floats) -> Tiling:
 
 def _border_points(taken: Floats, frame: Frame) -> Floats:
     """Free vertices on the border: its corners, and points between those and the places that are taken."""
-    corners = frame.contours.corners()
-    added, taken_too = [corners], np.vstack([taken, corners])
-    for axis, at, low, high in frame.contours.sides():
-        along = taken_too[taken_too[:, axis] == at, 1 - axis]
-        along = np.unique(np.r_[low, along[(along > low) & (along < high)], high])
-        gap = np.diff(along)
+    sides = frame.contours.sides()
+    corners = np.unique(sides[:, 0], axis=0)
+    corners = corners[cKDTree(taken).query(corners)[0] > 0.0]
+    known, added = np.vstack([taken, corners]), [corners]
+    for side in sides:
+        _, share = _along(known, side)
+        along = np.unique(np.r_[0.0, share, 1.0])
+        gap = np.diff(along) * np.linalg.norm(side[1] - side[0])
         parts = np.maximum(np.ceil(gap / frame.border_step).astype(int), 1)
         leg = np.repeat(np.arange(len(gap)), parts)
-        share = (np.arange(len(leg)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[leg]
-        new = np.empty(((share > 0).sum(), 2))
-        new[:, axis] = at
-        new[:, 1 - axis] = (along[leg] + share * gap[leg])[share > 0]
-        added.append(new)
-    points = np.unique(np.vstack(added), axis=0)  # a void's side may lie on the map's
-    same = (corners[:, None] == taken[None]).all(axis=2).any(axis=1)
-    at_corner = (points[:, None] == corners[same][None]).all(axis=2).any(axis=1)
-    return points[~at_corner]
+        step = (np.arange(len(leg)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[leg]
+        new = step > 0
+        at = (along[leg] + step * np.diff(along)[leg])[new, None]
+        added.append(side[0] + at * (side[1] - side[0]))
+    return _each_once(np.vstack(added))
+
+
+def _along(points: Floats, side: Floats) -> tuple[Ints, Floats]:
+    """Points on a side of the border, in order along it, and the shares of it at which they lie, its ends included."""
+    way = side[1] - side[0]
+    length = float(np.linalg.norm(way))
+    off = points - side[0]
+    across = np.abs(off[:, 0] * way[1] - off[:, 1] * way[0]) / length
+    share = off @ way / length**2
+    on = np.flatnonzero((across <= ON_BORDER) & (share * length >= -ON_BORDER) & (share * length <= length + ON_BORDER))
+    on = on[np.argsort(share[on], kind="stable")]
+    return on, np.clip(share[on], 0.0, 1.0)
+
+
+def _each_once(points: Floats) -> Floats:
+    """Points without those that lie on one before them: a void's side may lie on the map's."""
+    again = cKDTree(points).query_pairs(ON_BORDER, output_type="ndarray")
+    return np.delete(points, np.unique(again.max(axis=1, initial=0)), axis=0) if len(again) else points
 
 
 def _triangulated(curves: ContourCurves, free: Floats, frame: Frame) -> tuple[Tiling | None, NDArray[np.bool_]]:
@@ -154,12 +172,12 @@ def _triangulated(curves: ContourCurves, free: Floats, frame: Frame) -> tuple[Ti
     work.erase_super_triangle()
     triangles = work.triangles_array()["vertices"].astype(np.int64)
     rim_chord = np.isin(_key(chords, len(points)), _key(rim, len(points)))
-    bulging = rim_chord & (np.ptp(curves.bezier, axis=1) > ALONG).all(axis=1)  # its chord would cut ground off the map
+    bulging = rim_chord & (_sagitta(curves.bezier) > ALONG)  # its chord would cut ground off the map
     if triangles.size == 0 or triangles.max() >= len(points):
         held = triangles[(triangles < len(points)).all(axis=1)]
         return None, ~np.isin(_key(chords, len(points)), _key(_sides(held), len(points)))
-    triangles = _without_slivers(triangles, points)
-    triangles = triangles[~frame.contours.in_void(points[triangles].mean(axis=1))]
+    triangles = _without_slivers(triangles, points, frame)
+    triangles = triangles[frame.contours.holds(points[triangles].mean(axis=1))]
     points, triangles = _used(points, triangles, curves.n_vertices)
     tiling = _tiling(curves, points, triangles, frame.contours.spots)
     lost = np.ones(len(chords), dtype=bool)
@@ -169,12 +187,16 @@ def _triangulated(curves: ContourCurves, free: Floats, frame: Frame) -> tuple[Ti
 
 def _rim(points: Floats, frame: Frame) -> Ints:
     """(n, 2) edges along the border, through all vertices on it."""
-    pairs = []
-    for axis, at, low, high in frame.contours.sides():
-        on = np.flatnonzero((points[:, axis] == at) & (points[:, 1 - axis] >= low) & (points[:, 1 - axis] <= high))
-        on = on[np.argsort(points[on, 1 - axis], kind="stable")]
-        pairs.append(np.column_stack([on[:-1], on[1:]]))
-    return np.vstack(pairs)
+    rows = [_along(points, side)[0] for side in frame.contours.sides()]
+    return np.vstack([np.column_stack([on[:-1], on[1:]]) for on in rows])
+
+
+def _sagitta(bezier: Floats) -> Floats:
+    """(n,) farthest that an inner control point lies from its curve's chord."""
+    way = bezier[:, 3] - bezier[:, 0]
+    off = bezier[:, 1:3] - bezier[:, :1]
+    across = np.abs(off[..., 0] * way[:, None, 1] - off[..., 1] * way[:, None, 0]).max(axis=1)
+    return np.asarray(across / np.maximum(np.linalg.norm(way, axis=1), 1e-300))
 
 
 def _key(pairs: Ints, n: int) -> Ints:
@@ -185,11 +207,45 @@ def _sides(triangles: Ints) -> Ints:
     return np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
-def _without_slivers(triangles: Ints, points: Floats) -> Ints:
-    """Triangles with an area: three vertices on one side of the border have none."""
+def _without_slivers(triangles: Ints, points: Floats, frame: Frame) -> Ints:
+    """Triangles with an area: three vertices on one side of the border have none.
+
+    Rounding may give them one where the side lies aslant; with the triangle beyond, if any, they are cut anew from the
+    middle one of the three.
+    """
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    return triangles[area > 0]
+    triangles = triangles[_doubled_areas(a, b, c) > 0]
+    for side in frame.contours.sides():
+        if (side[0] != side[1]).all():
+            triangles = _flipped(triangles, points, side)
+    return triangles
+
+
+def _doubled_areas(a: Floats, b: Floats, c: Floats) -> Floats:
+    return np.asarray((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+def _flipped(triangles: Ints, points: Floats, side: Floats) -> Ints:
+    on, _ = _along(points, side)
+    rank = np.full(len(points), -1)
+    rank[on] = np.arange(len(on))
+    while (flat := np.flatnonzero((rank[triangles] >= 0).all(axis=1))).size:
+        # the widest: none of its kind lies beyond it
+        spans = np.ptp(rank[triangles[flat]], axis=1)
+        widest = int(flat[np.argmax(spans)])
+        first, middle, last = triangles[widest][np.argsort(rank[triangles[widest]])]
+        beyond = np.flatnonzero(np.isin(triangles, (first, last)).sum(axis=1) == 2)
+        beyond = beyond[beyond != widest]
+        kept = np.delete(triangles, [widest, *beyond.tolist()], axis=0)
+        made = []
+        for row in triangles[beyond]:
+            apex = int(row[~np.isin(row, (first, last))][0])
+            for p, q in ((first, middle), (middle, last)):
+                corner = [p, q, apex]
+                area = _doubled_areas(*(points[[k]] for k in corner))[0]
+                made.append(corner if area > 0 else [q, p, apex])
+        triangles = np.vstack([kept, np.array(made, dtype=np.int64).reshape(-1, 3)])
+    return triangles
 
 
 def _used(points: Floats, triangles: Ints, n_first: int) -> tuple[Floats, Ints]:

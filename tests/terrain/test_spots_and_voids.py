@@ -2,16 +2,18 @@
 
 import numpy as np
 import pytest
+import shapely
 from generated_mountains import mountain_contours, mountain_grid
 from scipy.interpolate import RegularGridInterpolator
 
 from brep_export.app.terrain_job import TOLERANCE, lowest_place
 from brep_export.blocks import block_solid
 from brep_export.check import check
-from recon.errors import BadGeometry
+from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap, HeightGrid
+from recon.terrain.clipping import clip_to_polygon
 from recon.terrain.contouring import contour_grid, largest_piece
-from recon.terrain.evaluation import elevations, sampled_triangles
+from recon.terrain.evaluation import edge_angles, elevations, sampled_triangles
 from recon.terrain.network import terrain_network
 from recon.terrain.pipeline import TerrainOptions, terrain_surface
 
@@ -90,3 +92,45 @@ def test_voids_stay_holes_in_a_closed_block(seed):
     network = terrain_network(ground)
     report = check(block_solid(network, lowest_place(network) - 20.0, TOLERANCE), TOLERANCE)
     assert report.passed
+
+
+def polygon(seed):
+    rng = np.random.default_rng(seed)
+    angle, reach = np.sort(rng.uniform(0.0, 2.0 * np.pi, 9)), rng.uniform(120.0, 210.0, 9)
+    ring = np.column_stack([300.0 + 1.2 * reach * np.cos(angle), 220.0 + reach * np.sin(angle)])
+    return np.vstack([ring, ring[:1]])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 5])
+def test_a_polygon_of_the_map_becomes_a_closed_block_with_the_same_walls(seed):
+    contours = clip_to_polygon(mountain_contours(seed, 10.0), polygon(seed))
+    ground = terrain_surface(contours)
+    points, faces = sampled_triangles(ground)
+    a, b, c = (points[faces[:, k], :2] for k in range(3))
+    doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    assert doubled.min() > -1e-9
+    assert doubled.sum() / 2 == pytest.approx(shapely.Polygon(contours.outline).area, rel=1e-9)
+    assert np.degrees(edge_angles(ground).max()) < 1e-6
+    network = terrain_network(ground)
+    report = check(block_solid(network, lowest_place(network) - 20.0, TOLERANCE), TOLERANCE)
+    assert report.passed
+    assert report.measures.faces == ground.n_patches + len(contours.outline)  # a wall a side, and the base
+
+
+def test_a_polygon_keeps_the_voids_within_it():
+    contours = contour_grid(with_voids(2), 10.0)
+    ring = np.array([[150.0, 60.0], [420.0, 80.0], [380.0, 300.0], [160.0, 280.0], [150.0, 60.0]])
+    clipped = clip_to_polygon(contours, ring)
+    assert 1 <= len(clipped.voids) < len(contours.voids)
+    assert (clipped.extent[0] >= ring.min(axis=0)).all()
+    ground = terrain_surface(clipped)
+    inside = np.random.default_rng(0).uniform(ring.min(axis=0), ring.max(axis=0), (300, 2))
+    np.testing.assert_array_equal(np.isfinite(elevations(ground, inside)[0]), clipped.holds(inside))
+
+
+@pytest.mark.parametrize(
+    "ring", [[[0, 0], [9, 9], [9, 0], [0, 9], [0, 0]], [[900, 900], [950, 900], [950, 950], [900, 900]]]
+)
+def test_a_polygon_that_cuts_itself_or_lies_beside_the_map_is_refused(ring):
+    with pytest.raises(BadOption, match="--clip"):
+        clip_to_polygon(mountain_contours(1, 10.0), np.array(ring, dtype=float))

@@ -42,7 +42,13 @@ def terrain(
     unit: Annotated[
         str | None, typer.Option(help="Unit of the map's coordinates and heights: m or ft. Default: metres.")
     ] = None,
-    clip: Annotated[str | None, typer.Option(help="Box to keep: west,south,east,north in map coordinates.")] = None,
+    clip: Annotated[
+        str | None,
+        typer.Option(
+            help="Keep a box, west,south,east,north in map coordinates, or the polygon in a file.",
+            metavar="BOX|GEOJSON",
+        ),
+    ] = None,
     contours: Annotated[
         float | None, typer.Option(help="Contours of the smooth ground at so many metres, into a .geojson.", min=1e-6)
     ] = None,
