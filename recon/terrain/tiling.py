@@ -9,9 +9,11 @@ Paper  [zhang2006], section 3 (2); free vertices are not in the paper.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pythoncdt
+import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -128,8 +130,7 @@ def _border_points(taken: Floats, frame: Frame) -> Floats:
     corners = np.unique(sides[:, 0], axis=0)
     corners = corners[cKDTree(taken).query(corners)[0] > 0.0]
     known, added = np.vstack([taken, corners]), [corners]
-    for side in sides:
-        _, share = _along(known, side)
+    for side, (_, share) in zip(sides, _along(known, sides)):
         along = np.unique(np.r_[0.0, share, 1.0])
         gap = np.diff(along) * np.linalg.norm(side[1] - side[0])
         parts = np.maximum(np.ceil(gap / frame.border_step).astype(int), 1)
@@ -141,16 +142,19 @@ def _border_points(taken: Floats, frame: Frame) -> Floats:
     return _each_once(np.vstack(added))
 
 
-def _along(points: Floats, side: Floats) -> tuple[Ints, Floats]:
-    """Points on a side of the border, in order along it, and the shares of it at which they lie, its ends included."""
-    way = side[1] - side[0]
-    length = float(np.linalg.norm(way))
-    off = points - side[0]
-    across = np.abs(off[:, 0] * way[1] - off[:, 1] * way[0]) / length
-    share = off @ way / length**2
-    on = np.flatnonzero((across <= ON_BORDER) & (share * length >= -ON_BORDER) & (share * length <= length + ON_BORDER))
-    on = on[np.argsort(share[on], kind="stable")]
-    return on, np.clip(share[on], 0.0, 1.0)
+def _along(points: Floats, sides: Floats) -> list[tuple[Ints, Floats]]:
+    """For every side (n, 2, 2) of the border the points on it, in order along it, and the shares at which they lie."""
+    low, high = sides.min(axis=1) - ON_BORDER, sides.max(axis=1) + ON_BORDER
+    boxes = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+    point, side = boxes.query(shapely.points(points))
+    off, way = points[point] - sides[side, 0], sides[side, 1] - sides[side, 0]
+    length = np.linalg.norm(way, axis=1)
+    near = np.abs(off[:, 0] * way[:, 1] - off[:, 1] * way[:, 0]) <= ON_BORDER * length
+    share = np.clip(np.einsum("ij,ij->i", off, way) / length**2, 0.0, 1.0)
+    order = np.lexsort((share, side))
+    order = order[near[order]]
+    ends = np.searchsorted(side[order], np.arange(len(sides) + 1))
+    return [(point[order[a:b]], share[order[a:b]]) for a, b in pairwise(ends.tolist())]
 
 
 def _each_once(points: Floats) -> Floats:
@@ -187,8 +191,8 @@ def _triangulated(curves: ContourCurves, free: Floats, frame: Frame) -> tuple[Ti
 
 def _rim(points: Floats, frame: Frame) -> Ints:
     """(n, 2) edges along the border, through all vertices on it."""
-    rows = [_along(points, side)[0] for side in frame.contours.sides()]
-    return np.vstack([np.column_stack([on[:-1], on[1:]]) for on in rows])
+    rows = _along(points, frame.contours.sides())
+    return np.vstack([np.column_stack([on[:-1], on[1:]]) for on, _ in rows])
 
 
 def _sagitta(bezier: Floats) -> Floats:
@@ -215,9 +219,9 @@ def _without_slivers(triangles: Ints, points: Floats, frame: Frame) -> Ints:
     """
     a, b, c = (points[triangles[:, k]] for k in range(3))
     triangles = triangles[_doubled_areas(a, b, c) > 0]
-    for side in frame.contours.sides():
-        if (side[0] != side[1]).all():
-            triangles = _flipped(triangles, points, side)
+    sides = frame.contours.sides()
+    for on, _ in _along(points, sides[(sides[:, 0] != sides[:, 1]).all(axis=1)]):
+        triangles = _flipped(triangles, points, on)
     return triangles
 
 
@@ -225,8 +229,8 @@ def _doubled_areas(a: Floats, b: Floats, c: Floats) -> Floats:
     return np.asarray((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
 
 
-def _flipped(triangles: Ints, points: Floats, side: Floats) -> Ints:
-    on, _ = _along(points, side)
+def _flipped(triangles: Ints, points: Floats, on: Ints) -> Ints:
+    """Triangles without those between three of the points `on` a side, which come in order along it."""
     rank = np.full(len(points), -1)
     rank[on] = np.arange(len(on))
     while (flat := np.flatnonzero((rank[triangles] >= 0).all(axis=1))).size:
