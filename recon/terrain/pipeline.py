@@ -9,8 +9,10 @@
 7. limiter      no overshoot beyond the contours around
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +23,22 @@ from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
 from recon.terrain.contour_curves import ContourCurves
 from recon.terrain.faults import checked_contours
+from recon.terrain.gregory import gregory_folds, gregory_patches
 from recon.terrain.levels import levels
 from recon.terrain.limiter import limited_jets
-from recon.terrain.merging import PatchLayout, is_folded, merged_layout, plan_sides, triangle_layout
-from recon.terrain.patches import PatchNets
+from recon.terrain.merging import Folds, PatchLayout, merged_layout, ruled_folds, triangle_layout
+from recon.terrain.patch_group import PatchGroup
+from recon.terrain.patches import patch_nets
 from recon.terrain.resampling import contour_samples, fit_contours, point_spacing
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
 from recon.terrain.slopes import vertex_slopes
-from recon.terrain.tiling import CurvesMeet, Tiling, tile, with_free_vertices
+from recon.terrain.spot_heights import spots_beside_contours, spots_off_strips
+from recon.terrain.tiling import CurvesMeet, Frame, Tiling, tile, with_free_vertices
 
-__all__ = ["Terrain", "TerrainOptions", "terrain_surface"]
+__all__ = ["PatchKind", "Terrain", "TerrainOptions", "terrain_surface"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 SHARE_OF_SPACING = 0.28  # the tolerance, where none is given, as a share of the distance between the given points
 MOST_TURNING = np.radians(90.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
@@ -45,21 +51,34 @@ PATIENCE = 3  # refits before rings are left out
 REFITS, TIGHTENINGS, UNFOLDINGS = 14, 9, 12
 
 
+class PatchKind(StrEnum):
+    """What lies within the curve mesh."""
+
+    POLYNOMIAL = "polynomial"
+    GREGORY = "gregory"
+
+
 @dataclass(frozen=True)
 class TerrainOptions:
     """What a user may choose.
 
     tolerance  metres that a contour's curve may stay from the points given; None: 0.28 of their spacing
     mend       leave out contours that repeat another
+    patches    POLYNOMIAL, or the paper's GREGORY patches, which become B-splines
+    angle      degrees between the tangent planes of neighbours that the B-splines of Gregory patches keep within
     Raises  BadOption.
     """
 
     tolerance: float | None = None
     mend: bool = False
+    patches: PatchKind = PatchKind.POLYNOMIAL
+    angle: float = 0.1
 
     def __post_init__(self) -> None:
         if self.tolerance is not None and not 0 < self.tolerance < np.inf:
             raise BadOption("--tolerance", f"must be a positive length in metres, not {self.tolerance}")
+        if not 0 < self.angle <= 90:
+            raise BadOption("--angle", f"must be an angle in degrees, up to 90, not {self.angle}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +87,7 @@ class Terrain:
 
     origin   (2,) place of the map at which the patches have their x = y = 0
     tiling, layout, jets   what the patches were made from, in local coordinates
-    nets     Bezier control nets, in local coordinates: those with a contour side, and those without
+    nets     the patches, in local coordinates: polynomial ones with a contour side and those without, or Gregory's
     extent   (2, 2) corners of the map, in local coordinates
     interval metres of height between neighbouring contours
     tolerance  metres, as used
@@ -81,7 +100,7 @@ class Terrain:
     tiling: Tiling
     layout: PatchLayout
     jets: VertexJets
-    nets: tuple[PatchNets, PatchNets]
+    nets: tuple[PatchGroup, ...]
     extent: Floats
     interval: float
     tolerance: float
@@ -114,19 +133,29 @@ def terrain_surface(
     origin = np.round(contours.extent.mean(axis=0))
     sound, told = checked_contours(contours, tolerance, mend=options.mend)
     kept, notes = _without_specks(sound, tolerance)
-    notes = told + notes
+    kept, spots_told = spots_beside_contours(kept, tolerance, mend=options.mend)
+    notes = told + notes + spots_told
     local = _ended_on_border(kept.moved(origin), tolerance)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
-        tiling, local, left_out = _tiled(local, tolerance, origin)
-        notes += left_out
-        layout = merged_layout(tiling)
-        doing("finding the slopes")
+        gregory = options.patches is PatchKind.GREGORY
+        folds = gregory_folds if gregory else ruled_folds
         interval = contours.interval()
+        tiling, local, left_out = _tiled(local, tolerance, origin, folds)
+        odd = spots_off_strips(tiling, levels(tiling, interval), origin, mend=options.mend)
+        if odd.any():
+            notes += (f"{int(odd.sum())} spot heights that the contours around contradict were left out",)
+            tiling, local, left_out = _tiled(local.with_spots(local.spots[~odd]), tolerance, origin, folds)
+        notes += left_out
+        layout = merged_layout(tiling, folds)
+        doing("finding the slopes")
         limits = levels(tiling, interval)
         jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
         doing("making the patches")
-        jets, nets = limited_jets(tiling, layout, jets, limits, interval, floor)
+        made: Callable[[VertexJets, Ints | None], Sequence[PatchGroup]] = partial(patch_nets, tiling, layout)
+        if gregory:
+            made = partial(gregory_patches, tiling, layout, angle=options.angle)
+        jets, nets = limited_jets(made, layout, jets, limits, interval, floor)
     return Terrain(
         origin, tiling, layout, jets, nets, local.extent, interval, tolerance, limits.strip, contours.crs, notes
     )
@@ -149,35 +178,40 @@ def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap,
 
 
 def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
-    """The contours with ends that miss the border of the map by less than the tolerance put on it, to the last bit."""
+    """The contours with ends that miss the border of the map by less than the tolerance put on it."""
+    sides = contours.sides()
+    way = sides[:, 1] - sides[:, 0]
+    square = np.einsum("ij,ij->i", way, way)
     lines = []
     for line in contours.lines:
         moved = np.clip(line, *contours.extent)
-        if not (line[0] == line[-1]).all():
-            for end in (0, -1):
-                gap = np.abs(contours.extent - moved[end])
-                side, axis = np.unravel_index(int(np.argmin(gap)), gap.shape)
-                if gap[side, axis] < tolerance:
-                    moved[end, axis] = contours.extent[side, axis]
+        for end in () if (line[0] == line[-1]).all() else (0, -1):
+            share = np.clip(np.einsum("ij,ij->i", moved[end] - sides[:, 0], way) / square, 0.0, 1.0)
+            foot = sides[:, 0] + share[:, None] * way
+            gap = np.linalg.norm(foot - moved[end], axis=1)
+            if gap.min() < tolerance:
+                moved[end] = foot[int(np.argmin(gap))]
         lines.append(moved)
-    return ContourMap(lines, contours.heights, contours.extent, contours.crs)
+    return contours.with_lines(lines, contours.heights)
 
 
-def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> tuple[Tiling, ContourMap, tuple[str, ...]]:
+def _tiled(
+    contours: ContourMap, tolerance: float, origin: Floats, folds: Folds
+) -> tuple[Tiling, ContourMap, tuple[str, ...]]:
     """The tiling of curves that do not meet, and its contours; where they met, the fit is repeated with less room.
 
     Where that does not help, rings that the spacing of the points cannot tell from noise are left out and named.
     """
     tight = np.empty((0, 2))
     samples = contour_samples(contours)
-    step = BORDER_STEP * samples.spacing
     left_out: list[Floats] = []
     for attempt in range(REFITS):
         allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
         curves = _supple(fit_contours(samples, allowed, tight), allowed)
         try:
-            tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
-            tiling = _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin))
+            frame = Frame(contours, BORDER_STEP * samples.spacing)
+            tiling, free = with_free_vertices(curves, frame)
+            tiling = _unfolded(tiling, frame, free, (TINY * allowed, origin), folds)
             return tiling, contours, _told_of_rings(left_out, origin)
         except CurvesMeet as meeting:
             if attempt == REFITS - 1:
@@ -213,7 +247,7 @@ def _told_of_rings(places: list[Floats], origin: Floats) -> tuple[str, ...]:
 
 def _part(contours: ContourMap, keep: NDArray[np.bool_]) -> ContourMap:
     rows = np.flatnonzero(keep).tolist()
-    return ContourMap([contours.lines[i] for i in rows], contours.heights[rows], contours.extent, contours.crs)
+    return contours.with_lines([contours.lines[i] for i in rows], contours.heights[rows])
 
 
 def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
@@ -224,15 +258,15 @@ def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
     return curves
 
 
-def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, float, Floats]) -> Tiling:
+def _unfolded(tiling: Tiling, frame: Frame, free: Floats, grid: tuple[float, Floats], folds: Folds) -> Tiling:
     """The tiling with contour segments halved, or made chords when tiny, until no triangle's plan map folds.
 
-    grid  border step, length below which a segment is tiny, map origin
+    grid  length below which a segment is tiny, map origin
     """
-    step, tiny, origin = grid
+    tiny, origin = grid
     for _ in range(UNFOLDINGS):
         layout = triangle_layout(tiling)
-        folded = is_folded(*plan_sides(tiling, layout), layout.is_triangle)
+        folded = folds(tiling, layout)
         flat = tiling.flat_triangles()
         if not folded.any() and not flat.any():
             return tiling
@@ -243,7 +277,7 @@ def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, f
         free = np.vstack([free, new])
         b = tiling.curves.bezier
         small = chosen & ~tiling.curves.straight & (np.linalg.norm(b[:, 3] - b[:, 0], axis=1) < tiny)
-        tiling = tile(tiling.curves.straightened(small).split(chosen & ~small), extent, free, border_step=step)
+        tiling = tile(tiling.curves.straightened(small).split(chosen & ~small), frame, free)
     where = tiling.points[layout.corners[folded | flat, 0]][0] + origin
     raise BadGeometry(
         "contours", f"{int(folded.sum())} patches stay folded, the first near ({where[0]:.1f}, {where[1]:.1f})"

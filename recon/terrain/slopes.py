@@ -122,10 +122,12 @@ def _bounds(tiling: Tiling, normals: Floats, limits: Levels) -> tuple[Floats, Fl
 
 
 def _free_heights(tiling: Tiling, limits: Levels) -> tuple[Floats, Floats]:
-    """(V,) least and greatest height that a free vertex at each place may have."""
+    """(V,) least and greatest height that a free vertex at each place may have: that of a spot where there is one."""
     least, most = np.full(len(tiling.points), -np.inf), np.full(len(tiling.points), np.inf)
     np.maximum.at(least, tiling.triangles.ravel(), np.repeat(limits.low[limits.strip], 3))
     np.minimum.at(most, tiling.triangles.ravel(), np.repeat(limits.high[limits.strip], 3))
+    spots = slice(len(least) - len(tiling.spots), None)
+    least[spots] = most[spots] = tiling.spots[:, 2]
     return least, most
 
 
