@@ -189,9 +189,10 @@ def lengths_from_lip(samples: SectionSamples, edge: Floats, *, wall: TriangleMes
         raise NoSurface("The walls around the hole hang together nowhere: give more of the sherds beside it.")
     top = int(np.argmax(np.where(heavy, cells.place[:, 1], -np.inf)))
     ahead = (cells.place - cells.place[top]) @ np.array([-cells.normal[top, 1], cells.normal[top, 0]])
-    # as wide as the longest link, so that none leads past it
+    # as wide as the longest link, so that none leads past it, and wide enough for a cell on either side
     from_top = dijkstra(graph, directed=False, indices=top)
-    beside = from_top <= float(graph.max())
+    sides = [from_top[(side > 0.0) & (from_top > 0.0)] for side in (ahead, -ahead)]
+    beside = from_top <= max(float(graph.max()), *(float(side.min(initial=np.inf)) for side in sides))
     outer, inner = (
         _lengths_past(graph, from_top, seeds=beside & side, barred=beside & ~side)
         for side in (ahead <= 0.0, ahead > 0.0)
