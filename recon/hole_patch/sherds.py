@@ -63,6 +63,7 @@ THICKEST = 0.4  # of a wall, in radii of the vessel
 NOT_ROUND = 0.1  # thicknesses off the wheel, from which on walls recur badly round it
 FOOT = 0.1  # of the vessel's height, from below
 LEAST_CUT = 4.0  # thicknesses of a line that runs down a foot and up again; hairs at its cracks are shorter
+AGAINST, FEW_AGAINST = -0.3, 3  # cosine between normals of both sides of a foot ring, and points of one that show it
 NEARLY_ROUND = 1.75 * np.pi
 OPEN_THICKNESS = 2.0  # edge lengths that stand for the thickness where only one wall was scanned
 
@@ -387,8 +388,12 @@ def _cut_off_at_foot(cycle: Cycle, kept: Floats, reading: Reading) -> bool:
     height = reading.axis.cylindrical(reading.table.centres)[:, 2]
     low, high = np.quantile(height, [0.001, 0.999])
     cut = cKDTree(kept).query(cycle.points)[0] > 0.0
-    at_foot = reading.axis.cylindrical(cycle.points)[:, 2] < low + FOOT * (high - low)
-    return float((cut & at_foot).sum()) * reading.table.spacing > LEAST_CUT * reading.thickness
+    at_foot = np.flatnonzero(cut & (reading.axis.cylindrical(cycle.points)[:, 2] < low + FOOT * (high - low)))
+    reach = LEAST_CUT * reading.thickness
+    i, j = cKDTree(cycle.points[at_foot]).query_pairs(reach, output_type="ndarray").T
+    # the sides of a ring look away from each other; those of a hair along a crack look the same way
+    against = np.einsum("ij,ij->i", cycle.normals[at_foot[i]], cycle.normals[at_foot[j]]) < AGAINST
+    return len(at_foot) * reading.table.spacing > reach and len(np.unique(i[against])) > FEW_AGAINST
 
 
 def _partner(outer: Cycle, inner: list[Cycle], reading: Reading) -> HoleEdge | None:
