@@ -64,11 +64,8 @@ def vertex_slopes(tiling: Tiling, normals: Floats, limits: Levels) -> VertexSlop
     x, weight = np.zeros(len(owner)), np.ones(len(tiling.triangles))
     for turn in range(REWEIGHTINGS):
         accuracy = ACCURACY if turn == REWEIGHTINGS - 1 else ROUGH
-        weighted = sparse.csr_array(rows * np.repeat(weight, 9)[:, None])
-        matrix = sparse.csr_array(weighted @ prolong)
-        energy = sparse.csr_array(matrix.T @ matrix)
-        solver = TiledSolver(energy, tiles)
-        x = _bounded(solver, (energy, -matrix.T @ (weighted @ offset)), x, bounds, accuracy)
+        system = _system(rows, weight, prolong, offset)
+        x = _bounded(TiledSolver(system[0], tiles), system, x, bounds, accuracy)
         bend = np.linalg.norm((rows @ (prolong @ x + offset)).reshape(-1, 9), axis=1) / root_area
         weight = (1 + (bend / max(float(np.median(bend)), 1e-300)) ** 2) ** -0.25
     jets = (prolong @ x + offset).reshape(-1, 3)
@@ -108,6 +105,16 @@ def _rows(tiling: Tiling) -> sparse.csr_array:
     pointer = np.arange(0, values.size + 1, 9)
     shape = (9 * len(corners), 3 * len(tiling.points))
     return sparse.csr_array((values.ravel(), columns.ravel(), pointer), shape=shape)
+
+
+def _system(
+    rows: sparse.csr_array, weight: Floats, prolong: sparse.csr_array, offset: Floats
+) -> tuple[sparse.csr_array, Floats]:
+    """(n, n) normal matrix of the weighted rows in the unknowns, and the (n,) right-hand side."""
+    weighted = sparse.csr_array((rows.data * np.repeat(weight, 81), rows.indices, rows.indptr), rows.shape)
+    right = weighted @ offset
+    weighted = sparse.csr_array(weighted @ prolong)
+    return sparse.csr_array(weighted.T @ weighted), -weighted.T @ right
 
 
 def _bounds(tiling: Tiling, normals: Floats, limits: Levels) -> tuple[Floats, Floats]:
