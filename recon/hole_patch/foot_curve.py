@@ -44,6 +44,7 @@ STRETCH = 2.0  # of s: shorter than the side of any foot ring
 COMES_BACK = 0.5  # of the turn round which the most usual samples of a stretch come back
 LEAST_BACK = 0.4  # of what is usual along the whole wall
 MISSED = 1.5  # relief leaves less, and a bend that is cut
+BEYOND = 5.0  # of s past the hole: the margin of its face
 BETTER = 0.5  # of what the stiff curve missed, at most
 FEW = 20  # samples in a stretch that say nothing
 DENSE, LOOPED = 16, 4  # points of a curve between two knots, to measure distances from it and to see it cross itself
@@ -68,10 +69,12 @@ def fit_foot_curve(
     stiff = fit_curve(*_both_ways(samples, s, over), start=start)
     recurs = recurring(wall, axis, samples, s)
     known = samples.of(recurs)
-    left = _missed(stiff, known, s[recurs])
+    edge = axis.cylindrical(wall.edge.points)[:, 1:]
+    beside = _beside_hole(samples, s, edge)[recurs]
+    left = _missed(stiff, known.of(beside), s[recurs][beside])
     if left < MISSED:
         return stiff
-    s = lengths_along_mesh(known, axis.cylindrical(wall.edge.points)[:, 1:], wall=wall.measured)
+    s = lengths_along_mesh(known, edge, wall=wall.measured)
     together = np.isfinite(s)
     known, s = known.of(together), s[together]
     before = EXTENDED if over else float(np.clip(_first_radius(known, s) - LEAST_RADIUS, 0.0, EXTENDED))
@@ -93,6 +96,12 @@ def recurring(wall: Wall, axis: Axis, samples: SectionSamples, s: Floats) -> Boo
     # where the samples end, a swelling goes on a little longer than the wall beside it
     asked = np.maximum(COMES_BACK * most, LEAST_BACK * np.median(most[most > 0]))
     return np.asarray(around >= asked[stretch])
+
+
+def _beside_hole(samples: SectionSamples, s: Floats, edge: Floats) -> Bools:
+    """(m,) samples as far along the wall as the hole reaches, and a little farther: a ring beyond does not matter."""
+    at = s[cKDTree(samples.place).query(edge)[1]]
+    return np.asarray((s > at.min() - BEYOND) & (s < at.max() + BEYOND))
 
 
 def _stretches(s: Floats) -> Ints:
