@@ -80,9 +80,11 @@ def _distances_along(points: Floats, closed: bool) -> Floats:
 
 
 def _kept_behind(off: Floats, found: Flags, apart: Floats) -> Floats:
-    """(n,) what was found, smoothed, but nowhere more than the least that was found beside it."""
+    """(n,) what was found, smoothed, but no more than the least that was found beside it; steps rounded off again."""
     least = np.where((apart <= BESIDE) & found, off, np.inf).min(axis=1)
-    return np.minimum(_smoothed(off, found, np.exp(-0.5 * (apart / SMOOTHED) ** 2)), least)
+    behind = np.minimum(_smoothed(off, found, np.exp(-0.5 * (apart / SMOOTHED) ** 2)), least)
+    near = np.exp(-0.5 * (apart / BESIDE) ** 2)
+    return np.asarray(near @ behind / near.sum(axis=1))
 
 
 def _smoothed(off: Floats, found: Flags, near: Floats) -> Floats:
