@@ -26,7 +26,7 @@ FARTHEST = 0.5  # of the wall's thickness: what lies farther off is another face
 ASIDE = 0.12  # of the thickness: how far the point found may lie beside d
 SMOOTHED = 0.5  # mm along the edge: vertices of a scan lie about as far apart
 BESIDE = 0.25  # mm along the edge, within which relief stays behind all that was found
-DOUBT = 1e-3  # weight of the rung as it is beside that of measured points: none but far from all of them
+DOUBT = 0.15  # weight of the rung as it is beside that of measured points
 
 
 def fracture_relief(
