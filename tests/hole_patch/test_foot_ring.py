@@ -102,8 +102,8 @@ def test_a_straight_wall_keeps_behind_a_tooth_of_its_neighbour() -> None:
     thickness = np.full(len(at), 3.0)
     relief = fracture_relief(rungs, away, TriangleMesh(strip, faces, "tooth"), thickness=thickness, closed=False)
     tooth, rest = np.abs(at - 10.0) < 0.2, np.abs(at - 10.0) > 3.0
-    assert relief[tooth, :, 1].max() < 0.2  # the mean over the edge beside it lies at 0.24
-    assert np.abs(relief[rest, :, 1] - 0.3).max() < 0.01
+    assert relief[tooth, :, 1].max() < 0.19
+    assert np.abs(relief[rest, :, 1] - 0.3).max() < 0.05  # a rung as it is counts a little, too
 
 
 def test_a_vessel_on_a_ring_is_closed_and_stands_below_its_base() -> None:
