@@ -78,7 +78,8 @@ def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: 
     if len(edges) == 0:
         return np.empty(0)
     area_vectors = scan.area_vectors()
-    centres = scan.corners().mean(axis=1)
+    a, b, c = scan.face_vertices.T
+    centres = (scan.vertices[a] + scan.vertices[b] + scan.vertices[c]) / 3.0
     start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
     middle, length = (start + end) / 2.0, np.linalg.norm(end - start, axis=1)
     across = unit_vectors(np.cross(outward, end - start))
