@@ -29,7 +29,19 @@ from scipy.spatial import cKDTree
 from recon.subdivision.evaluation import N_BASIS, NetCache, PatchArrays, net_cache, patch_frame, points_at
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Feet", "joined", "nearest_feet", "sample_places", "seed_feet", "walk_feet"]
+__all__ = [
+    "Feet",
+    "Places",
+    "Samples",
+    "joined",
+    "nearest_feet",
+    "patch_order",
+    "sample_places",
+    "seed_feet",
+    "surface_samples",
+    "walk_feet",
+    "walk_on",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -39,6 +51,14 @@ ROUGH, EXACT = 1e-5, 1e-9  # how far a foot may still have to go, as a share of 
 ON_SIDE = 1e-12  # how far inside a place on a side may seem
 SEEDS = {3: ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))}  # samples (v, w) in each patch
 SEEDS[4] = ((1 / 4, 1 / 4), (3 / 4, 1 / 4), (1 / 4, 3 / 4), (3 / 4, 3 / 4))
+
+
+class Places(NamedTuple):
+    """Places on the surface, (N,) patch, v and w."""
+
+    patch: Ints
+    v: Floats
+    w: Floats
 
 
 class Feet(NamedTuple):
@@ -56,6 +76,10 @@ class Feet(NamedTuple):
     def chosen(self, which: Ints) -> "Feet":
         """Those of the numbers `which`."""
         return Feet(self.patch[which], self.v[which], self.w[which], self.positions[which], self.normals[which])
+
+    def places(self) -> Places:
+        """Where they are now: what may be walked on from later."""
+        return Places(self.patch.copy(), self.v.copy(), self.w.copy())
 
     def replaced(self, which: Ints, others: "Feet") -> "Feet":
         """These feet with others in the places `which`."""
@@ -83,20 +107,36 @@ def nearest_feet(patches: LimitPatches, points: Floats, data: Floats, *, step: f
     points  (R, 3) the points the patches depend on, data (N, 3)
     step    the length of the last step, as a share of the size of the data
     """
-    return walk_feet(patches, points, data, seed_feet(patches, points, data), step=step)
+    feet = seed_feet(surface_samples(patches, points), data)
+    walk_on(patches, points, data, feet, step=step)
+    return feet
 
 
-def seed_feet(patches: LimitPatches, points: Floats, data: Floats, *, n_nearest: int = 1) -> Feet:
+class Samples(NamedTuple):
+    """Places on the surface, (n,) each, and a search tree over their points."""
+
+    patch: Ints
+    v: Floats
+    w: Floats
+    tree: cKDTree
+
+
+def surface_samples(patches: LimitPatches, points: Floats) -> Samples:
+    """Four samples in every patch."""
+    patch, v, w = sample_places(patches)
+    at = points_at(patches.arrays, points, patch, v, w, 1)[:, 0]
+    return Samples(patch, v, w, cKDTree(at, balanced_tree=False, compact_nodes=False))
+
+
+def seed_feet(samples: Samples, data: Floats, *, n_nearest: int = 1) -> Feet:
     """The sample of the surface that is nearest to each data point, then the second nearest of each, and so on.
 
-    The normals are zero.
+    Positions and normals are not set.
     """
-    patch, v, w = sample_places(patches)
-    samples = points_at(patches.arrays, points, patch, v, w, 1)[:, 0]
-    tree = cKDTree(samples, balanced_tree=False, compact_nodes=False)
-    nearest = tree.query(data, k=np.arange(1, n_nearest + 1))[1].T.ravel()
-    nearest = np.minimum(nearest, len(samples) - 1)  # where there are fewer samples, the tree names none
-    return Feet(patch[nearest], v[nearest], w[nearest], samples[nearest], np.zeros_like(samples[nearest]))
+    nearest = samples.tree.query(data, k=np.arange(1, n_nearest + 1))[1].T.ravel()
+    nearest = np.minimum(nearest, samples.tree.n - 1)  # where there are fewer samples, the tree names none
+    unset = (np.empty((len(nearest), 3)), np.empty((len(nearest), 3)))
+    return Feet(samples.patch[nearest], samples.v[nearest], samples.w[nearest], *unset)
 
 
 def sample_places(patches: LimitPatches) -> tuple[Ints, Floats, Floats]:
@@ -108,14 +148,30 @@ def sample_places(patches: LimitPatches) -> tuple[Ints, Floats, Floats]:
 
 
 def walk_feet(
-    patches: LimitPatches, points: Floats, data: Floats, start: Feet, *, step: float = ROUGH, max_steps: int = 30
+    patches: LimitPatches,
+    points: Floats,
+    data: Floats,
+    start: Feet | Places,
+    *,
+    step: float = ROUGH,
+    max_steps: int = 30,
 ) -> Feet:
     """Walk from the places of `start` to the foot points of the data."""
+    unset = (np.empty(data.shape), np.empty(data.shape))
+    feet = Feet(start.patch.copy(), start.v.copy(), start.w.copy(), *unset)
+    walk_on(patches, points, data, feet, step=step, max_steps=max_steps)
+    return feet
+
+
+def walk_on(
+    patches: LimitPatches, points: Floats, data: Floats, feet: Feet, *, step: float = ROUGH, max_steps: int = 30
+) -> None:
+    """As walk_feet, in place: of a scan of millions of points, feet are kept once."""
     allowed = step * float(np.linalg.norm(np.ptp(data, axis=0))) if len(data) else 0.0
-    patch, v, w = start.patch.copy(), start.v.copy(), start.w.copy()
-    order = _by_patch(patch, len(patches.arrays.tables))
-    positions, normals = _walk(patches.arrays, points, data, patch, v, w, order, net_cache(), allowed**2, max_steps)
-    return Feet(patch, v, w, positions, normals)
+    order = patch_order(feet.patch, len(patches.arrays.tables))
+    locked = data.view()
+    locked.flags.writeable = False  # compiled once, for what may be written to and what may not
+    _walk(patches.arrays, points, locked, *feet, order, net_cache(), allowed**2, max_steps)
 
 
 @njit(cache=True)
@@ -227,7 +283,7 @@ def _go(across: Ints, patch: int, v: float, w: float, dv: float, dw: float) -> t
 
 
 @njit(cache=True)
-def _by_patch(patch: Ints, n_patches: int) -> SmallInts:
+def patch_order(patch: Ints, n_patches: int) -> SmallInts:
     """(N,) the places patch after patch, so that what is known of a patch is at hand for all of them."""
     first = np.zeros(n_patches + 1, dtype=np.int64)
     for p in patch:
@@ -248,13 +304,14 @@ def _walk(
     patch: Ints,
     v: Floats,
     w: Floats,
+    positions: Floats,
+    normals: Floats,
     order: SmallInts,
     cache: NetCache,
     allowed: float,
     max_steps: int,
-) -> tuple[Floats, Floats]:
-    """Walk all data points; patch, v and w are changed in place; positions and unit normals."""
-    positions, normals = np.empty_like(data), np.zeros_like(data)
+) -> None:
+    """Walk all data points; the feet, given by their places, are changed in place."""
     b = np.empty((6, N_BASIS))
     across = patches.across
     here, there = np.empty((3, 3)), np.empty((3, 3))
@@ -285,6 +342,5 @@ def _walk(
         ny = here[1, 2] * here[2, 0] - here[1, 0] * here[2, 2]
         nz = here[1, 0] * here[2, 1] - here[1, 1] * here[2, 0]
         norm = np.sqrt(nx * nx + ny * ny + nz * nz)
-        if norm > 0.0:
-            normals[i, 0], normals[i, 1], normals[i, 2] = nx / norm, ny / norm, nz / norm
-    return positions, normals
+        scale = 1.0 / norm if norm > 0.0 else 0.0
+        normals[i, 0], normals[i, 1], normals[i, 2] = scale * nx, scale * ny, scale * nz

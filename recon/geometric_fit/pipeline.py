@@ -13,9 +13,11 @@ pulled back (`guards`).
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from threadpoolctl import threadpool_limits
 
 from recon.errors import BadGeometry, NoSurface
@@ -24,21 +26,23 @@ from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.creases import n_loose_ends, with_creases
 from recon.geometric_fit.exact_distances import exact_distances
 from recon.geometric_fit.folding import stepped, unfolded
-from recon.geometric_fit.foot_points import Feet, joined, nearest_feet, walk_feet
+from recon.geometric_fit.foot_points import Feet, joined, nearest_feet, walk_feet, walk_on
 from recon.geometric_fit.growth import Growth
 from recon.geometric_fit.guards import Guards, Strays, fairness
 from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.options import FitOptions, FittedSurface
+from recon.geometric_fit.patch_rows import PatchColumns, patch_columns, patch_part
 from recon.geometric_fit.quad_mesh import initial_quads
 from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
 from recon.geometric_fit.relaxation import relaxed
 from recon.geometric_fit.reweighting import reweighed
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
 from recon.geometric_fit.sharpening import SharpScan, sharpened
-from recon.geometric_fit.updates import Pull, Updater, rows_for
+from recon.geometric_fit.updates import SOLVED, PatchPull, Pull, Updater, rows_for
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
+from recon.numerics.rows import row_distances
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches, Scheme, limit_patches
 
@@ -118,6 +122,14 @@ def _fewer(options: FitOptions) -> list[FitOptions]:
     return [replace(options, control_points=count) for count in counts]
 
 
+class _Ground(NamedTuple):
+    """A control mesh with what depends on its connections alone."""
+
+    mesh: ControlMesh
+    patches: LimitPatches
+    guards: Guards
+
+
 class _Fit:
     """One run: the scan, what has been reached, and the record."""
 
@@ -143,18 +155,18 @@ class _Fit:
 
     def run(self) -> FittedSurface:
         self._doing("simplifying the scan")
-        mesh = self._initial()
+        ground = self._ground(self._initial())
         stopped, cycle, last = None, 0, None
         while stopped is None:
-            final = self._options.plain or mesh.n_vertices >= self._full()
+            final = self._options.plain or ground.mesh.n_vertices >= self._full()
             n_rounds = self._options.rounds if final else ROUNDS
-            mesh, patches, feet = self._settled(mesh, cycle, n_rounds)
+            ground, feet = self._settled(ground, cycle, n_rounds)
             errors = norms(self._distances(feet), self._scan.diagonal)
             stopped = self._growth.ended(errors, last, diagonal=self._scan.diagonal, final=final)
             if stopped is None:
                 last, cycle = errors, cycle + 1
-                mesh = self._refined(mesh, feet, cycle)
-        return self._finished(mesh, patches, feet, stopped)
+                ground = self._refined(ground.mesh, feet, cycle)
+        return self._finished(ground, feet, stopped)
 
     def _initial(self) -> ControlMesh:
         """The control mesh to start from."""
@@ -193,73 +205,93 @@ class _Fit:
         share = FIRST_SHARE if self._options.scheme is Scheme.LOOP else FIRST_QUADS
         return max(int(share * self._limit), 4)
 
-    def _settled(self, mesh: ControlMesh, cycle: int, n_rounds: int) -> tuple[ControlMesh, LimitPatches, Feet]:
-        """Some rounds on one control mesh: pull, move, find the feet again."""
-        scan = self._scan
+    def _ground(self, mesh: ControlMesh) -> _Ground:
         patches = limit_patches(mesh, self._options.scheme)
-        guards, borders = Guards(mesh, patches, scan), Borders(mesh, patches, scan)
+        return _Ground(mesh, patches, Guards(mesh, patches, self._scan))
+
+    def _settled(self, ground: _Ground, cycle: int, n_rounds: int) -> tuple[_Ground, Feet]:
+        """Some rounds on one control mesh: pull, move, find the feet again."""
+        (mesh, patches, guards), scan = ground, self._scan
+        borders, columns = Borders(mesh, patches, scan), patch_columns(patches)
         # a step is only allowed to keep what is not folded so: start without folds
         points = unfolded(mesh, guards)[0].vertices
         feet = nearest_feet(patches, patches.points @ points, scan.points, step=1e-5)
+        distance = row_distances(feet.positions, scan.points)
         usual = FAIRNESS * scan.n_measured / mesh.n_vertices
         stiffness = np.full(mesh.n_vertices, usual)
         energy, updater = fairness(mesh, stiffness), Updater(self._options.update)
         strays: Strays | None = None
-        best = ((mesh.n_vertices + 1, np.inf), points, feet)
+        best, number_of_best = ((mesh.n_vertices + 1, np.inf), points, feet.places()), -1
         for number in range(n_rounds):
             if number % 2 == 0 or strays is None:
-                allowed = STRAY * float(np.sqrt(np.mean(self._distances(feet) ** 2)))
-                strays = guards.strays(points, allowed)
-            pull = self._pull(mesh, patches, (points, feet), (strays, borders.pull(points)))
-            step = stepped(guards, points, updater.moved(points, pull._replace(fairness=energy)))
+                strays = guards.strays(points, STRAY * float(np.sqrt(np.mean(distance[: scan.n_measured] ** 2))))
+            more = self._more(patches, (points, feet), (strays, borders.pull(points)))
+            new = updater.moved(points, self._pull(ground, columns, feet, more, energy))
+            step = stepped(guards, points, new)
             points = step.points
             if step.folding.any():
                 eased = np.maximum(stiffness / EASING, usual)
                 stiffness = np.where(step.folding, np.minimum(STIFFER * stiffness, STIFFEST * usual), eased)
                 energy = fairness(mesh, stiffness)
             placed = patches.points @ points
-            feet = borders.hopped(placed, scan.points, walk_feet(patches, placed, scan.points, feet))
-            errors = self._note(mesh, feet)
+            walk_on(patches, placed, scan.points, feet)
+            feet = borders.hopped(placed, scan.points, feet)
+            distance = row_distances(feet.positions, scan.points)
+            errors = self._note(mesh, distance)
             # the largest error jumps from round to round where the scan has two sheets close together
             merit = (int(step.folded.sum()), errors.rms * errors.maximum)
             if merit <= best[0]:
-                best = merit, points, feet
+                best, number_of_best = (merit, points, feet.places()), number
             if cycle > 0 or self._options.robust:
-                self._reweigh(feet)
-        return mesh.with_vertices(best[1]), patches, best[2]
+                self._weights = reweighed(self._weights, scan, distance, robust=self._options.robust)
+        if number_of_best < n_rounds - 1:
+            points, feet = best[1], walk_feet(patches, patches.points @ best[1], scan.points, best[2])
+        return ground._replace(mesh=mesh.with_vertices(points)), feet
 
     def _distances(self, feet: Feet) -> Floats:
         """(N,) of the measured points."""
         n = self._scan.n_measured
-        return np.linalg.norm(feet.positions[:n] - self._scan.points[:n], axis=1)
+        return row_distances(feet.positions[:n], self._scan.points[:n])
 
-    def _pull(
-        self, mesh: ControlMesh, patches: LimitPatches, at: tuple[Floats, Feet], more: tuple[Strays, BorderPull]
-    ) -> Pull:
-        """Data points, those of them that pull sideways, and samples that stay where they are in their patches."""
-        (control_points, feet), (strays, border) = at, more
+    def _more(
+        self, patches: LimitPatches, at: tuple[Floats, Feet], guarded: tuple[Strays, BorderPull]
+    ) -> tuple[Feet, Floats, Floats]:
+        """Feet, targets and weights beside those of the data points: of those that pull sideways, and of samples
+        that stay where they are in their patches."""
+        (control_points, feet), (strays, border) = at, guarded
         scan, points = self._scan, patches.points @ control_points
         astray = strays.feet
         positions = points_at(patches.arrays, points, astray.patch, astray.v, astray.w, 1)[:, 0]
         beside, conormals = sideways(patches, points, feet)
         again = feet.chosen(beside)._replace(normals=conormals)
-        parts = (feet, again, astray._replace(positions=positions), border.feet)
-        all_feet = joined(parts)
-        targets = np.concatenate([scan.points, scan.points[beside], strays.targets, border.targets])
         # as much as the data points along it
         along = np.sqrt(scan.n_measured / len(control_points)) / 4.0
         others = np.repeat([STRAY_WEIGHT, along], [len(astray.patch), len(border.targets)])
-        weights = np.concatenate([self._weights, self._weights[beside], others])
-        rows = rows_for(self._options.update, patches, all_feet, _faces(mesh))
-        return Pull(rows, targets - all_feet.positions, all_feet.normals, weights, patches.points[:0])
+        return (
+            joined((again, astray._replace(positions=positions), border.feet)),
+            np.concatenate([scan.points[beside], strays.targets, border.targets]),
+            np.concatenate([self._weights[beside], others]),
+        )
 
-    def _reweigh(self, feet: Feet) -> None:
-        """Points far off count more from round to round, up to 37 times: the largest error falls. Or less: robust."""
-        distance = np.linalg.norm(feet.positions - self._scan.points, axis=1)
-        self._weights = reweighed(self._weights, self._scan, distance, robust=self._options.robust)
+    def _pull(
+        self,
+        ground: _Ground,
+        columns: PatchColumns,
+        feet: Feet,
+        more: tuple[Feet, Floats, Floats],
+        energy: sparse.csr_array,
+    ) -> Pull | PatchPull:
+        """Data points, and what is beside them."""
+        data = (feet, self._scan.points, self._weights)
+        if self._options.update in SOLVED:
+            return PatchPull((patch_part(columns, *data), patch_part(columns, *more)), energy)
+        all_feet = joined((feet, more[0]))
+        targets, weights = (np.concatenate([data[i], more[i]]) for i in (1, 2))
+        rows = rows_for(self._options.update, ground.patches, all_feet, _faces(ground.mesh))
+        return Pull(rows, targets - all_feet.positions, all_feet.normals, weights, energy)
 
-    def _note(self, mesh: ControlMesh, feet: Feet) -> Norms:
-        errors = norms(self._distances(feet), self._scan.diagonal)
+    def _note(self, mesh: ControlMesh, distance: Floats) -> Norms:
+        errors = norms(distance[: self._scan.n_measured], self._scan.diagonal)
         self._record.append(Round(len(self._record) + 1, mesh.n_vertices, errors, time.perf_counter() - self._begin))
         self._doing(
             f"round {len(self._record)}: {mesh.n_vertices} control points, rms {errors.rms:.4f} %, "
@@ -267,20 +299,17 @@ class _Fit:
         )
         return errors
 
-    def _refined(self, mesh: ControlMesh, feet: Feet, cycle: int) -> ControlMesh:
+    def _refined(self, mesh: ControlMesh, feet: Feet, cycle: int) -> _Ground:
         """More control points where the error is, and even valences again."""
         n_new = self._growth.more(mesh.n_vertices, cycle)
         worst = self._worst_faces(mesh, feet, n_new)
         if self._options.scheme is not Scheme.LOOP:
-            return inset_faces(mesh, worst, n_new)
+            return self._ground(inset_faces(mesh, worst, n_new))
         split = split_faces(mesh, worst, n_new)
-        flipped = flip_to_even_valences(split)
         # flips even the valences out, but may fold a surface that was smooth before
-        folds = [int(self._guards(each).folded(each.vertices).sum()) for each in (flipped, split)]
-        return flipped if folds[0] <= folds[1] else split
-
-    def _guards(self, mesh: ControlMesh) -> Guards:
-        return Guards(mesh, limit_patches(mesh, self._options.scheme), self._scan)
+        flipped, plain = self._ground(flip_to_even_valences(split)), self._ground(split)
+        folds = [int(each.guards.folded(each.mesh.vertices).sum()) for each in (flipped, plain)]
+        return flipped if folds[0] <= folds[1] else plain
 
     def _worst_faces(self, mesh: ControlMesh, feet: Feet, n_new: int) -> Ints:
         distance = self._distances(feet)
@@ -292,10 +321,10 @@ class _Fit:
         _, first = np.unique(order, return_index=True)
         return order[np.sort(first)]
 
-    def _finished(self, mesh: ControlMesh, patches: LimitPatches, feet: Feet, stopped: StoppedBy) -> FittedSurface:
-        scan = self._scan
-        folds = int(Guards(mesh, patches, scan).folded(mesh.vertices).sum())
-        borders, warm = Borders(mesh, patches, scan), feet.chosen(np.arange(scan.n_measured))
+    def _finished(self, ground: _Ground, feet: Feet, stopped: StoppedBy) -> FittedSurface:
+        (mesh, patches, guards), scan = ground, self._scan
+        folds = int(guards.folded(mesh.vertices).sum())
+        borders, warm = Borders(mesh, patches, scan), feet
         distances = exact_distances(patches, borders, patches.points @ mesh.vertices, scan.measured, warm)
         errors = norms(distances, scan.diagonal)
         return FittedSurface(

@@ -10,6 +10,7 @@
 Paper  [maekawa2009] for PATENT, [wang2006] for TANGENT, [nesterov1983], [anderson1965].
 """
 
+from dataclasses import replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -18,15 +19,17 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from recon.geometric_fit.foot_points import Feet
+from recon.geometric_fit.patch_rows import PatchPart, patch_move
 from recon.geometric_fit.tangent_distance import BasisRows, Metric, basis_rows, tangent_distance_move
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Pull", "Update", "Updater", "rows_for"]
+__all__ = ["SOLVED", "PatchPull", "Pull", "Update", "Updater", "rows_for"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 TANGENT_SHARE = 0.02  # mu: how much of a residual along the surface counts
+ACCURACY = 3e-2  # to which the equations of a round are solved, as a share of their first residual
 HISTORY = 5  # moves that Anderson's combination looks back on
 
 
@@ -39,6 +42,9 @@ class Update(StrEnum):
     BASIS = "basis"
     NESTEROV = "nesterov"
     ANDERSON = "anderson"
+
+
+SOLVED = (Update.TANGENT, Update.LEAST_SQUARES)  # the rules that solve a system
 
 
 class Pull(NamedTuple):
@@ -71,6 +77,17 @@ def rows_for(rule: Update, patches: LimitPatches, feet: Feet, faces: Ints) -> Ba
     return BasisRows(np.arange(0, k * len(shares) + 1, k), columns.ravel().astype(np.int32), shares.ravel())
 
 
+class PatchPull(NamedTuple):
+    """The same on a subdivision surface, for the rules that solve a system.
+
+    parts     points that pull, each weighed with the basis functions
+    fairness  (V, V) sparse energy of the control points
+    """
+
+    parts: tuple[PatchPart, ...]
+    fairness: sparse.csr_array
+
+
 class Updater:
     """One rule with what it remembers between rounds; a new one after every change of the control mesh."""
 
@@ -81,9 +98,11 @@ class Updater:
         self._moves: list[Floats] = []
         self._points: list[Floats] = []
 
-    def moved(self, control_points: Floats, pull: Pull) -> Floats:
+    def moved(self, control_points: Floats, pull: Pull | PatchPull) -> Floats:
         """(V, 3) the control points after the round."""
-        if self._rule in (Update.TANGENT, Update.LEAST_SQUARES):
+        if isinstance(pull, PatchPull):
+            return control_points + self._solved_on_patches(control_points, pull)
+        if self._rule in SOLVED:
             return control_points + self._solved(control_points, pull)
         move = _mean_move(len(control_points), pull)
         if self._rule is Update.NESTEROV:
@@ -100,6 +119,12 @@ class Updater:
         return tangent_distance_move(
             pull.rows, pull.residuals, metric, pull.fairness, control_points, accuracy=1e-6, max_iterations=300
         )
+
+    def _solved_on_patches(self, control_points: Floats, pull: PatchPull) -> Floats:
+        if self._rule is Update.TANGENT:
+            return patch_move(*pull, control_points, tangent=TANGENT_SHARE, accuracy=ACCURACY, max_iterations=40)
+        parts = [replace(part, normals=np.zeros_like(part.normals)) for part in pull.parts]
+        return patch_move(parts, pull.fairness, control_points, tangent=1.0, accuracy=1e-6, max_iterations=300)
 
     def _with_momentum(self, stepped: Floats) -> Floats:
         last, self._speed = self._speed, stepped

@@ -10,7 +10,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["agreeing_corners", "bent_sides", "corner_sums", "faces_around", "longest_sides", "normal_sums"]
+__all__ = [
+    "agreeing_corners",
+    "bent_sides",
+    "corner_sums",
+    "faces_around",
+    "longest_sides",
+    "normal_sums",
+    "turned_pairs",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -116,3 +124,21 @@ def corner_sums(vectors: Floats, chosen: Bools, faces: Ints, n: int) -> Floats: 
                 for axis in range(3):
                     out[vertex, axis] += vectors[f, axis]
     return out
+
+
+@njit(cache=True)
+def turned_pairs(
+    vertices: Floats, faces: Ints, one: Ints, two: Ints, cosines: Floats
+) -> Ints:  # pragma: no cover - compiled
+    """Which pairs of faces, one[i] and two[i], have normals farther apart than the angle of cosines[i]."""
+    normals = np.empty((len(faces), 3))
+    for f in range(len(faces)):
+        x, y, z = _cross(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-300)
+        normals[f, 0], normals[f, 1], normals[f, 2] = x / length, y / length, z / length
+    turned = np.zeros(len(one), dtype=np.bool_)
+    for i in range(len(one)):
+        p, q = one[i], two[i]
+        cosine = normals[p, 0] * normals[q, 0] + normals[p, 1] * normals[q, 1] + normals[p, 2] * normals[q, 2]
+        turned[i] = cosine < cosines[i]
+    return np.flatnonzero(turned)

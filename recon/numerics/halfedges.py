@@ -145,20 +145,28 @@ def _sort_by_end(corners: Ints, k: int, sides: SmallInts) -> None:  # pragma: no
 def _numbered(corners: Ints, n: int) -> tuple[Ints, Ints, Ints]:  # pragma: no cover - compiled
     """The edge of every side of triangles, (E, 2) the ends and (E,) the sides of every edge."""
     starts, sides = _buckets(corners, 3, n)
-    number, n_edges = np.empty(len(corners), dtype=np.int64), -1
-    ends, uses = np.empty((len(corners), 2), dtype=np.int64), np.zeros(len(corners), dtype=np.int64)
+    # counted first: room for as many edges as sides is twice what there are
+    n_edges = 0
     for low in range(n):
         bucket = sides[starts[low] : starts[low + 1]]
         _sort_by_end(corners, 3, bucket)
         last = -1
         for side in bucket:
             high = max(corners[side], corners[_end(side, 3)])
+            n_edges, last = n_edges + (high != last), high
+    number = np.empty(len(corners), dtype=np.int64)
+    ends, uses = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int64)
+    edge = -1
+    for low in range(n):
+        last = -1
+        for side in sides[starts[low] : starts[low + 1]]:
+            high = max(corners[side], corners[_end(side, 3)])
             if high != last:
-                n_edges, last = n_edges + 1, high
-                ends[n_edges, 0], ends[n_edges, 1] = low, high
-            number[side] = n_edges
-            uses[n_edges] += 1
-    return number, ends[: n_edges + 1].copy(), uses[: n_edges + 1].copy()
+                edge, last = edge + 1, high
+                ends[edge, 0], ends[edge, 1] = low, high
+            number[side] = edge
+            uses[edge] += 1
+    return number, ends, uses
 
 
 def opposite_sides(faces: Ints) -> Ints:

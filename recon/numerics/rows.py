@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["added_at", "unit_vectors"]
+__all__ = ["added_at", "row_distances", "unit_vectors"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -17,3 +17,9 @@ def added_at(rows: Floats, at: Ints, n: int) -> Floats:
 def unit_vectors(vectors: Floats) -> Floats:
     """(..., 3) the vectors (..., 3) at length 1; those of length 0 stay as they are."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
+
+
+def row_distances(one: Floats, other: Floats) -> Floats:
+    """(n,) how far each row of (n, 3) is from the same row of (n, 3)."""
+    away = one - other
+    return np.sqrt(np.einsum("ij,ij->i", away, away))
