@@ -46,6 +46,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 SmallInts = NDArray[np.int32]
+Singles = NDArray[np.float32]
 
 ROUGH, EXACT = 1e-5, 1e-9  # how far a foot may still have to go, as a share of the size of the data
 ON_SIDE = 1e-12  # how far inside a place on a side may seem
@@ -54,11 +55,11 @@ SEEDS[4] = ((1 / 4, 1 / 4), (3 / 4, 1 / 4), (1 / 4, 3 / 4), (3 / 4, 3 / 4))
 
 
 class Places(NamedTuple):
-    """Places on the surface, (N,) patch, v and w."""
+    """Places on the surface, (N,) patch, v and w, in whatever precision they are kept."""
 
-    patch: Ints
-    v: Floats
-    w: Floats
+    patch: Ints | SmallInts
+    v: Floats | Singles
+    w: Floats | Singles
 
 
 class Feet(NamedTuple):
@@ -79,7 +80,7 @@ class Feet(NamedTuple):
 
     def places(self) -> Places:
         """Where they are now: what may be walked on from later."""
-        return Places(self.patch.copy(), self.v.copy(), self.w.copy())
+        return Places(self.patch.astype(np.int32), self.v.astype(np.float32), self.w.astype(np.float32))
 
     def replaced(self, which: Ints, others: "Feet") -> "Feet":
         """These feet with others in the places `which`."""
@@ -158,7 +159,8 @@ def walk_feet(
 ) -> Feet:
     """Walk from the places of `start` to the foot points of the data."""
     unset = (np.empty(data.shape), np.empty(data.shape))
-    feet = Feet(start.patch.copy(), start.v.copy(), start.w.copy(), *unset)
+    patch, v, w = start.patch.astype(np.int64), start.v.astype(np.float64), start.w.astype(np.float64)
+    feet = Feet(patch, v, w, *unset)
     walk_on(patches, points, data, feet, step=step, max_steps=max_steps)
     return feet
 
@@ -167,11 +169,21 @@ def walk_on(
     patches: LimitPatches, points: Floats, data: Floats, feet: Feet, *, step: float = ROUGH, max_steps: int = 30
 ) -> None:
     """As walk_feet, in place: of a scan of millions of points, feet are kept once."""
-    allowed = step * float(np.linalg.norm(np.ptp(data, axis=0))) if len(data) else 0.0
+    allowed = step * diagonal_of(data)
     order = patch_order(feet.patch, len(patches.arrays.tables))
     locked = data.view()
     locked.flags.writeable = False  # compiled once, for what may be written to and what may not
     _walk(patches.arrays, points, locked, *feet, order, net_cache(), allowed**2, max_steps)
+
+
+@njit(cache=True)
+def diagonal_of(data: Floats) -> float:  # pragma: no cover - compiled
+    """Length of the diagonal of the box around (N, 3) points; zero around none."""
+    square = 0.0
+    for axis in range(3):
+        if len(data):
+            square += (data[:, axis].max() - data[:, axis].min()) ** 2
+    return np.sqrt(square)
 
 
 @njit(cache=True)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from recon.geometric_fit.foot_points import Feet, Places, sample_places
+from recon.geometric_fit.foot_points import Feet, sample_places
 from recon.geometric_fit.scan_data import FOLD, ScanData
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
@@ -51,13 +51,14 @@ class Guards:
 
     def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
         self._mesh, self._patches, self._scan, self._n_control = mesh, patches, scan, mesh.n_vertices
-        self._samples = Places(*sample_places(patches))
+        self._samples = sample_places(patches)
         patch, v, w, triangles = tessellation_places(patches.sheets, 1)
         to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
-        self._to_corners, self._triangles, joined = _welded(to_corners, triangles)
-        table = edge_table(self._triangles)
-        edge, self._one, self._two = table.face_pairs()
-        self._ends = table.edges[edge]
+        self._to_corners, triangles, joined = _welded(to_corners, triangles)
+        table = edge_table(triangles)
+        self._triangles = triangles.astype(np.int32)
+        edge, self._one, self._two = (x.astype(np.int32) for x in table.face_pairs())
+        self._ends = table.edges.astype(np.int32)[edge]
         self._limit = np.where(joined[self._ends].all(axis=1), CREASE_FOLD, FOLD)
 
     @cached_property
@@ -70,8 +71,8 @@ class Guards:
 
     def strays(self, control_points: Floats, allowed: float) -> Strays:
         """The samples of the surface that are farther from the scan than `allowed`, a length."""
-        scan, patches, at = self._scan, self._patches, self._samples
-        places = points_at(patches.arrays, patches.points @ control_points, at.patch, at.v, at.w, 1)[:, 0]
+        scan, patches, (patch, v, w) = self._scan, self._patches, self._samples
+        places = points_at(patches.arrays, patches.points @ control_points, patch, v, w, 1)[:, 0]
         distance, nearest = scan.tree.query(places)
         away = places - scan.points[nearest]
         height = np.abs(np.einsum("ij,ij->i", away, scan.normals[nearest]))
@@ -84,7 +85,7 @@ class Guards:
         # not the normals of the scan: beyond its border the way back is along them
         normals = target - places[far]
         normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-        return Strays(Feet(at.patch[far], at.v[far], at.w[far], places[far], normals), target)
+        return Strays(Feet(patch[far], v[far], w[far], places[far], normals), target)
 
     def folded(self, control_points: Floats) -> Bools:
         """(V,) the control points of faces with a fold that the scan does not have."""

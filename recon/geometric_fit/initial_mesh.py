@@ -35,8 +35,8 @@ SHARES = (1.0, 0.99, 0.97, 0.94, 0.9, 0.8, 0.7)  # of the count, tried in turn w
 WALL = 2.0  # height of the walls in border edges
 WALL_PASSES = 5  # more attempts where part of each goes into the walls
 SPARE = 4  # times the count to which all attempts share the way
-BLOCK = 50_000  # faces simplified at once
-THINNED, THINNING_PACE = 8, 5.0  # times the count that is left of all blocks, and the pace on the way there
+BLOCK = 25_000  # faces simplified at once
+THINNED, THINNING_PACE = 5, 5.0  # times the count that is left of all blocks, and the pace on the way there
 
 
 class NoControlMesh(Refusal):

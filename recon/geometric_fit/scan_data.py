@@ -21,7 +21,7 @@ from recon.errors import NotManifold
 from recon.geometric_fit.sharpening import SharpScan
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree, nearest_on_triangles
-from recon.numerics.face_loops import bent_sides, faces_around, longest_sides
+from recon.numerics.face_loops import bent_sides, longest_sides
 from recon.numerics.halfedges import FREE, TANGLED, edge_table, paired_sides, vertex_normals
 from recon.numerics.rows import unit_vectors
 
@@ -29,7 +29,6 @@ __all__ = ["ScanData", "fold_places", "refuse_tangles", "scan_data"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-SmallInts = NDArray[np.int32]
 
 SAMPLE_WEIGHT = 0.05
 MOST_PIECES = 64  # into which the side of a triangle is cut
@@ -44,7 +43,7 @@ class ScanData:
     points      (N, 3) the scan's vertices that faces use, then vertices that fill its holes, then samples on large
                 triangles
     weights     (N,) how much each counts
-    normals     (N, 3) unit normals of the scan there
+    normals     (N, 3) unit normals of the scan there, in single precision
     sampled_faces  the triangle of every sample
     measured    (M, 3) where the first M points were measured; some were moved onto sharp edges
     diagonal    of the box around the scan
@@ -54,7 +53,7 @@ class ScanData:
     mesh: TriangleMesh
     points: Floats
     weights: Floats
-    normals: Floats
+    normals: NDArray[np.float32]
     sampled_faces: Ints
     measured: Floats
     diagonal: float
@@ -68,20 +67,25 @@ class ScanData:
     @cached_property
     def tree(self) -> cKDTree:
         """Search tree over the points."""
-        return cKDTree(self.points, balanced_tree=False, compact_nodes=False)
+        return cKDTree(self.points, leafsize=32, balanced_tree=False, compact_nodes=False)
 
-    @cached_property
-    def point_faces(self) -> tuple[SmallInts, SmallInts]:
-        """Where the triangles around each point begin, (N + 1,), in the row of all of them; a sample has its own."""
-        number = np.cumsum(_is_used(self.mesh), dtype=np.int32) - np.int32(1)
-        starts, faces = faces_around(number[self.mesh.face_vertices], int(number.max(initial=-1)) + 1)
-        n_corners = len(faces)
-        own = np.arange(n_corners + 1, n_corners + 1 + len(self.sampled_faces), dtype=np.int32)
-        return np.concatenate([starts, own]), np.concatenate([faces, self.sampled_faces.astype(np.int32)])
+    def _faces_at(self, points: Ints) -> tuple[Ints, Ints]:
+        """Where the triangles around each of some points (n,), each named once, begin, (n + 1,), and all of these."""
+        n, first_sample = len(points), len(self.points) - len(self.sampled_faces)
+        of_mesh, samples = np.flatnonzero(points < first_sample), np.flatnonzero(points >= first_sample)
+        number = np.full(self.mesh.n_vertices, -1, dtype=np.int32)
+        number[np.flatnonzero(_is_used(self.mesh))[points[of_mesh]]] = of_mesh
+        corner = number[self.mesh.face_vertices]
+        face, side = np.nonzero(corner >= 0)
+        owner = np.concatenate([corner[face, side], samples])
+        faces = np.concatenate([face, self.sampled_faces[points[samples] - first_sample]])
+        starts = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=n))])
+        return starts, faces[np.argsort(owner, kind="stable")]
 
     def nearest_on_triangles_at(self, places: Floats, at: Ints) -> tuple[Floats, Ints]:
         """(n, 3) the nearest point of the triangles around scan point at[i] to place i, and (n,) its triangle."""
-        starts, faces = self.point_faces
+        points, at = np.unique(at, return_inverse=True)
+        starts, faces = self._faces_at(points)
         count = starts[at + 1] - starts[at]
         query = np.repeat(np.arange(len(at)), count)
         first = np.cumsum(count) - count
@@ -133,14 +137,15 @@ def scan_data(mesh: TriangleMesh, n_control: int, *, sharp: SharpScan | None = N
     """
     measured_at, mesh, sharp_edges = mesh.vertices, *(sharp or SharpScan(mesh, np.empty((0, 2), dtype=np.int64)))
     used = np.flatnonzero(_is_used(mesh))
-    vertices, normals = _chosen(mesh.vertices, used), _chosen(vertex_normals(mesh.vertices, mesh.face_vertices), used)
+    normals = vertex_normals(mesh.vertices, mesh.face_vertices).astype(np.float32)[used]
+    vertices = _chosen(mesh.vertices, used)
     samples, face = _samples_on_large(mesh, n_control)
     measured = used < (len(measured_at) if n_measured < 0 else n_measured)
     weights = np.where(measured, 1.0, SAMPLE_WEIGHT)
     if len(samples):
         a, b, c = mesh.vertices[mesh.face_vertices[face]].transpose(1, 0, 2)
         vertices = np.concatenate([vertices, samples])
-        normals = np.concatenate([normals, unit_vectors(np.cross(b - a, c - a))])
+        normals = np.concatenate([normals, unit_vectors(np.cross(b - a, c - a)).astype(np.float32)])
         weights = np.concatenate([weights, np.full(len(samples), SAMPLE_WEIGHT)])
     measured_at = _chosen(measured_at, used[measured])
     # as they are in the mesh, edges put back: what a share of the diagonal is does not depend on them

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from recon.geometric_fit.chains import chain_lengths
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.face_loops import agreeing_corners, bent_sides, corner_sums
-from recon.numerics.halfedges import EdgeTable, edge_table, paired_sides, vertex_normals
+from recon.numerics.face_loops import agreeing_corners, all_around, bent_sides, corner_sums
+from recon.numerics.halfedges import edge_table, paired_sides, vertex_normals
 from recon.numerics.rows import added_at, unit_vectors
 
 __all__ = ["SharpScan", "sharpened"]
@@ -35,6 +35,7 @@ __all__ = ["SharpScan", "sharpened"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+SmallInts = NDArray[np.int32]
 
 SMOOTH = np.cos(np.radians(12.0))  # between the normals around a smooth vertex and their mean
 AGREE = np.cos(np.radians(25.0))  # between the smooth faces around a vertex and their mean, on one side
@@ -88,12 +89,24 @@ class _Crossings(NamedTuple):
     shares: Floats
 
 
+class _Edges(NamedTuple):
+    """The edges of the scan in half the memory: ends (E, 2), and face_edges (F, 3) the edge along each side."""
+
+    ends: SmallInts
+    face_edges: SmallInts
+
+
+def _edges(faces: Ints) -> _Edges:
+    table = edge_table(faces)
+    return _Edges(table.edges.astype(np.int32), table.face_edges.astype(np.int32))
+
+
 def sharpened(scan: TriangleMesh, angle: float) -> SharpScan:
     """The scan with its cut-off edges put back, if it is one of a shape with edges.
 
     angle  radians between both sides from which on an edge is one
     """
-    table = edge_table(scan.face_vertices)
+    table = _edges(scan.face_vertices)
     on_edges = _on_edges(scan.vertices, table, _sides(scan, table), angle)
     vertices, faces = on_edges.vertices, scan.face_vertices
     crossings = _crossings(vertices, table, on_edges.sides, angle)
@@ -117,31 +130,31 @@ def _are_lines(edges: Ints, vertices: Floats) -> bool:
     return bool(length[long].sum() > MOST * length.sum() and (count == 2).sum() > MOST * (count > 0).sum())
 
 
-def _sides(scan: TriangleMesh, table: EdgeTable) -> _Sides:
+def _sides(scan: TriangleMesh, table: _Edges) -> _Sides:
     """Smooth vertices are on one side, and so is what lies beside them, and what continues that."""
     faces, n = scan.face_vertices, scan.n_vertices
     area_vectors = scan.area_vectors()
     area = np.linalg.norm(area_vectors, axis=1)
     sliver = area < SLIVER * np.median(area)
     mean = vertex_normals(scan.vertices, faces)
-    smooth = _all_around(agreeing_corners(area_vectors, mean, faces, SMOOTH) | sliver[:, None], faces, n)
+    smooth = all_around(agreeing_corners(area_vectors, mean, faces, SMOOTH) | sliver[:, None], faces, n)
     flat = smooth[faces].any(axis=1) & ~sliver
     for _ in range(GROWTH):
         side = unit_vectors(corner_sums(area_vectors, flat, faces, n))
         flat |= agreeing_corners(area_vectors, side, faces, SMOOTH).any(axis=1) & ~sliver
     side = unit_vectors(corner_sums(area_vectors, flat, faces, n))
     agree = agreeing_corners(area_vectors, side, faces, AGREE)
-    known = _all_around(~flat[:, None] | agree, faces, n) & side.any(axis=1)
+    known = all_around(~flat[:, None] | agree, faces, n) & side.any(axis=1)
     return _extrapolated(scan, table, _Sides(side, scan.vertices, known), (smooth, mean))
 
 
-def _extrapolated(scan: TriangleMesh, table: EdgeTable, sides: _Sides, at_vertices: tuple[Bools, Floats]) -> _Sides:
+def _extrapolated(scan: TriangleMesh, table: _Edges, sides: _Sides, at_vertices: tuple[Bools, Floats]) -> _Sides:
     """The planes beside smooth vertices taken from these; a vertex that is off its plane was measured across an edge.
 
     at_vertices  (V,) which are smooth, and (V, 3) normals of the faces around, which hold there
     """
     (smooth, normals), x, n = at_vertices, scan.vertices, scan.n_vertices
-    at, beside = _beside(table.edges, ~smooth, smooth)
+    at, beside = _beside(table.ends, ~smooth, smooth)
     agree = np.einsum("ki,ki->k", sides.normals[at], normals[beside]) > AGREE
     at, beside = at[agree], beside[agree]
     count = np.bincount(at, minlength=n)
@@ -153,7 +166,7 @@ def _extrapolated(scan: TriangleMesh, table: EdgeTable, sides: _Sides, at_vertic
     return _Sides(mean, x + height[:, None] * mean, sides.known & ~off)
 
 
-def _beside(edges: Ints, here: Bools, there: Bools) -> tuple[Ints, Ints]:
+def _beside(edges: SmallInts, here: Bools, there: Bools) -> tuple[SmallInts, SmallInts]:
     """Vertices (m,) that are `here`, and (m,) those joined to them that are `there`."""
     ways = [edges[here[edges[:, i]] & there[edges[:, 1 - i]]] for i in (0, 1)]
     return np.concatenate([ways[0][:, 0], ways[1][:, 1]]), np.concatenate([ways[0][:, 1], ways[1][:, 0]])
@@ -166,31 +179,31 @@ class _OnEdges(NamedTuple):
     sides: _Sides
 
 
-def _on_edges(vertices: Floats, table: EdgeTable, sides: _Sides, angle: float) -> _OnEdges:
+def _on_edges(vertices: Floats, table: _Edges, sides: _Sides, angle: float) -> _OnEdges:
     """Vertices on no side, and those that an edge passes close by, go where the planes around them meet.
 
     A point close to an edge would leave slivers there, and a point that was measured across one lies on neither side.
     """
     crossings = _crossings(vertices, table, sides, angle)
     known = sides.known.copy()
-    known[table.edges[crossings.edges][crossings.shares < NEAREST]] = False
-    at, beside = _beside(table.edges, ~known, known)
+    known[table.ends[crossings.edges][crossings.shares < NEAREST]] = False
+    at, beside = _beside(table.ends, ~known, known)
     chosen, move = _toward_planes(vertices, at, beside, sides, angle)
     moved = vertices.copy()
     moved[chosen] += move
     return _OnEdges(moved, sides._replace(known=known))
 
 
-def _toward_planes(x: Floats, at: Ints, beside: Ints, sides: _Sides, angle: float) -> tuple[Ints, Floats]:
+def _toward_planes(x: Floats, at: SmallInts, beside: SmallInts, sides: _Sides, angle: float) -> tuple[Ints, Floats]:
     """(m,) vertices among `at` (k,) with two sides around them, and (m, 3) their way to all planes of `beside`."""
     normals, way = sides.normals[beside], x[beside] - x[at]
     height = np.einsum("ki,ki->k", normals, sides.through[beside] - x[at])
-    places, at = np.unique(at, return_inverse=True)
+    places, row = np.unique(at, return_inverse=True)
     n = len(places)
-    quadric = added_at(np.einsum("ki,kj->kij", normals, normals).reshape(-1, 9), at, n).reshape(-1, 3, 3)
-    pull = added_at(normals * height[:, None], at, n)
-    count = np.bincount(at, minlength=n)
-    size = np.bincount(at, np.linalg.norm(way, axis=1), n) / np.maximum(count, 1)
+    quadric = added_at(np.einsum("ki,kj->kij", normals, normals).reshape(-1, 9), row, n).reshape(-1, 3, 3)
+    pull = added_at(normals * height[:, None], row, n)
+    count = np.bincount(row, minlength=n)
+    size = np.bincount(row, np.linalg.norm(way, axis=1), n) / np.maximum(count, 1)
     chosen = np.flatnonzero(count > 1)
     values, vectors = np.linalg.eigh(quadric[chosen])
     # two sides of equal weight at this angle have eigenvalues in the ratio of its half's squared tangent
@@ -202,8 +215,8 @@ def _toward_planes(x: Floats, at: Ints, beside: Ints, sides: _Sides, angle: floa
     return places[chosen[short]], move[short]
 
 
-def _crossings(vertices: Floats, table: EdgeTable, sides: _Sides, angle: float) -> _Crossings:
-    ends, normals = table.edges, sides.normals
+def _crossings(vertices: Floats, table: _Edges, sides: _Sides, angle: float) -> _Crossings:
+    ends, normals = table.ends, sides.normals
     edges = np.flatnonzero(sides.known[ends].all(axis=1))
     apart = [
         np.einsum("ei,ei->e", normals[ends[part, 0]], normals[ends[part, 1]]) < np.cos(angle)
@@ -224,14 +237,14 @@ def _nearest_on_planes(near: Floats, through: Floats, normals: Floats) -> Floats
     return near + np.einsum("mik,mk->mi", np.linalg.pinv(normals, rcond=1e-2), off)
 
 
-def _split(surface: tuple[Floats, Ints], table: EdgeTable, crossings: _Crossings, sides: _Sides) -> tuple[Floats, Ints]:
+def _split(surface: tuple[Floats, Ints], table: _Edges, crossings: _Crossings, sides: _Sides) -> tuple[Floats, Ints]:
     """Every face cut at the points on its edges: one cuts it in two, two in three, three in six around a corner.
 
     surface  (V, 3) vertices and (F, 3) faces
     """
     vertices, all_faces = surface
     n_vertices = len(vertices)
-    at = np.full(len(table.edges), -1, dtype=np.int32)
+    at = np.full(len(table.ends), -1, dtype=np.int32)
     at[crossings.edges] = n_vertices + np.arange(len(crossings.edges))
     is_cut = (at[table.face_edges] >= 0).any(axis=1)
     faces, on_side = all_faces[is_cut], at[table.face_edges[is_cut]].astype(np.int64)
@@ -263,8 +276,3 @@ def _bent_edges(vertices: Floats, faces: Ints, angle: float) -> Ints:
     """(m, 2) the edges whose two faces stand at this angle to each other, or a larger one."""
     face, side = np.nonzero(bent_sides(vertices, faces, paired_sides(faces), float(np.cos(angle))))
     return np.sort(np.stack([faces[face, side], faces[face, (side + 1) % 3]], axis=1), axis=1)
-
-
-def _all_around(corners: Bools, faces: Ints, n: int) -> Bools:
-    """(n,) whether something holds at all face corners (F, 3) that meet in a vertex."""
-    return np.bincount(faces.ravel(), ~corners.ravel(), n) == 0

@@ -11,10 +11,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 __all__ = [
+    "all_around",
     "agreeing_corners",
     "bent_sides",
     "corner_sums",
-    "faces_around",
     "longest_sides",
     "normal_sums",
     "turned_pairs",
@@ -82,23 +82,6 @@ def bent_sides(vertices: Floats, faces: Ints, across: SmallInts, cosine: float) 
 
 
 @njit(cache=True)
-def faces_around(corners: SmallInts, n: int) -> tuple[SmallInts, SmallInts]:  # pragma: no cover - compiled
-    """Where the faces around each of n vertices begin, (n + 1,), in the row of all of them; corners (F, 3)."""
-    starts = np.zeros(n + 2, dtype=np.int32)
-    for at in corners.flat:
-        starts[at + 2] += 1
-    for vertex in range(n):
-        starts[vertex + 2] += starts[vertex + 1]
-    found = np.empty(corners.size, dtype=np.int32)
-    for f in range(len(corners)):
-        for corner in range(corners.shape[1]):
-            at = corners[f, corner]
-            found[starts[at + 1]] = f
-            starts[at + 1] += 1
-    return starts[: n + 1], found
-
-
-@njit(cache=True)
 def agreeing_corners(
     area_vectors: Floats, normals: Floats, faces: Ints, cosine: float
 ) -> Bools:  # pragma: no cover - compiled
@@ -110,6 +93,17 @@ def agreeing_corners(
         for corner in range(3):
             v = faces[f, corner]
             out[f, corner] = x * normals[v, 0] + y * normals[v, 1] + z * normals[v, 2] > least
+    return out
+
+
+@njit(cache=True)
+def all_around(corners: Bools, faces: Ints, n: int) -> Bools:  # pragma: no cover - compiled
+    """(n,) whether something holds at all face corners (F, 3) that meet in a vertex."""
+    out = np.ones(n, dtype=np.bool_)
+    for f in range(len(faces)):
+        for corner in range(3):
+            if not corners[f, corner]:
+                out[faces[f, corner]] = False
     return out
 
 
@@ -128,7 +122,7 @@ def corner_sums(vectors: Floats, chosen: Bools, faces: Ints, n: int) -> Floats: 
 
 @njit(cache=True)
 def turned_pairs(
-    vertices: Floats, faces: Ints, one: Ints, two: Ints, cosines: Floats
+    vertices: Floats, faces: SmallInts, one: SmallInts, two: SmallInts, cosines: Floats
 ) -> Ints:  # pragma: no cover - compiled
     """Which pairs of faces, one[i] and two[i], have normals farther apart than the angle of cosines[i]."""
     normals = np.empty((len(faces), 3))

@@ -1,6 +1,7 @@
 """Arithmetic on arrays whose rows are vectors."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 __all__ = ["added_at", "row_distances", "unit_vectors"]
@@ -19,7 +20,11 @@ def unit_vectors(vectors: Floats) -> Floats:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
 
 
-def row_distances(one: Floats, other: Floats) -> Floats:
+@njit(cache=True)
+def row_distances(one: Floats, other: Floats) -> Floats:  # pragma: no cover - compiled
     """(n,) how far each row of (n, 3) is from the same row of (n, 3)."""
-    away = one - other
-    return np.sqrt(np.einsum("ij,ij->i", away, away))
+    out = np.empty(len(one))
+    for i in range(len(one)):
+        x, y, z = one[i, 0] - other[i, 0], one[i, 1] - other[i, 1], one[i, 2] - other[i, 2]
+        out[i] = np.sqrt(x * x + y * y + z * z)
+    return out
