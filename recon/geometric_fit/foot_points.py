@@ -170,7 +170,7 @@ def walk_on(
 ) -> None:
     """As walk_feet, in place: of a scan of millions of points, feet are kept once."""
     allowed = step * diagonal_of(data)
-    order = patch_order(feet.patch, len(patches.arrays.tables))
+    order, _ = patch_order(feet.patch, len(patches.arrays.tables))
     locked = data.view()
     locked.flags.writeable = False  # compiled once, for what may be written to and what may not
     _walk(patches.arrays, points, locked, *feet, order, net_cache(), allowed**2, max_steps)
@@ -295,17 +295,18 @@ def _go(across: Ints, patch: int, v: float, w: float, dv: float, dw: float) -> t
 
 
 @njit(cache=True)
-def patch_order(patch: Ints, n_patches: int) -> SmallInts:
-    """(N,) the places patch after patch, so that what is known of a patch is at hand for all of them."""
-    first = np.zeros(n_patches + 1, dtype=np.int64)
+def patch_order(patch: Ints, n_patches: int) -> tuple[SmallInts, Ints]:  # pragma: no cover - compiled
+    """(N,) the places patch after patch, so that what is known of a patch is at hand for all of them; (P + 1,) where
+    those in each patch begin."""
+    starts = np.zeros(n_patches + 1, dtype=np.int64)
     for p in patch:
-        first[p + 1] += 1
-    first = np.cumsum(first)
-    order = np.empty(len(patch), dtype=np.int32)
+        starts[p + 1] += 1
+    starts = np.cumsum(starts)
+    order, filled = np.empty(len(patch), dtype=np.int32), starts.copy()
     for i in range(len(patch)):
-        order[first[patch[i]]] = i
-        first[patch[i]] += 1
-    return order
+        order[filled[patch[i]]] = i
+        filled[patch[i]] += 1
+    return order, starts
 
 
 @njit(cache=True, nogil=True)

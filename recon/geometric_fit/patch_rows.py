@@ -13,6 +13,7 @@ a_ij  weight of control point j at foot i;   n_i  unit normal;   w_i  how much a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -24,7 +25,7 @@ from recon.geometric_fit.tangent_distance import conjugate_gradients, held
 from recon.subdivision.evaluation import MAX_SUPPORT, N_BASIS, PatchArrays, patch_weights
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["PatchColumns", "PatchPart", "patch_columns", "patch_part", "patch_move"]
+__all__ = ["Metric", "PatchColumns", "PatchPart", "patch_columns", "patch_part", "patch_move"]
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -44,16 +45,24 @@ class PatchColumns:
     columns: SmallInts
 
 
+class Metric(NamedTuple):
+    """How residuals count: H = normal n n^T + tangent I, the square of the distance where the first is 0."""
+
+    normal: float
+    tangent: float
+
+
 @dataclass(frozen=True, eq=False)
 class PatchPart:
     """Some points that pull at the surface, patch after patch.
 
     columns     of the patches
-    order       (n,) which of the points each row is
     row_starts  (P + 1,) where the rows of each patch begin
     values      the weights a, row after row
-    normals     (n, 3) n and (n,) w of every row
-    residuals   (n, 3) from the foot to the point
+    normals     (n, 3) n and weights (n,) w of every row
+    right       (V, 3) A^T H r, r from the feet to the points
+    blocks      (V, 3, 3) of A^T H A on the diagonal
+    metric      H
     """
 
     columns: PatchColumns
@@ -61,26 +70,15 @@ class PatchPart:
     values: Singles
     normals: Singles
     weights: Singles
-    residuals: Singles
+    right: Floats
+    blocks: Floats
+    metric: Metric
 
-    def right_and_blocks(self, n_control: int, mu: float) -> tuple[Floats, Floats]:
-        """(V, 3) A^T H r, and (V, 3, 3) the blocks of A^T H A on the diagonal."""
-        right, blocks = np.zeros((n_control, 3)), np.zeros((n_control, 3, 3))
-        at = self.columns
-        _right_and_blocks(
-            (at.starts, at.columns, self.row_starts, self.values),
-            (self.normals, self.weights, self.residuals),
-            mu,
-            right,
-            blocks,
-        )
-        return right, blocks
-
-    def product(self, moves: Floats, mu: float) -> Floats:
+    def product(self, moves: Floats) -> Floats:
         """(V, 3) A^T H A d for moves d (V, 3)."""
         out = np.zeros_like(moves)
-        at = self.columns
-        _product((at.starts, at.columns, self.row_starts, self.values), self.normals, self.weights, mu, moves, out)
+        rows = (self.columns.starts, self.columns.columns, self.row_starts, self.values)
+        _product(rows, (self.normals, self.weights), self.metric, moves, out)
         return out
 
 
@@ -93,24 +91,25 @@ def patch_columns(patches: LimitPatches) -> PatchColumns:
     return PatchColumns(patches, starts, columns)
 
 
-def patch_part(columns: PatchColumns, feet: Feet, targets: Floats, weights: Floats) -> PatchPart:
+def patch_part(columns: PatchColumns, feet: Feet, targets: Floats, weights: Floats, metric: Metric) -> PatchPart:
     """Points (n, 3) that pull at the surface from their feet, each as much as its weight (n,)."""
-    matrix = columns.patches.points
-    order = patch_order(feet.patch, len(columns.starts) - 1)
-    row_starts = np.searchsorted(feet.patch[order], np.arange(len(columns.starts)))
-    sizes = np.diff(columns.starts)
-    values = np.empty(int((np.diff(row_starts) * sizes).sum()), dtype=np.float32)
+    matrix, n = columns.patches.points, len(feet.patch)
+    order, row_starts = patch_order(feet.patch, len(columns.starts) - 1)
+    values = np.empty(int((np.diff(row_starts) * np.diff(columns.starts)).sum()), dtype=np.float32)
     _fill(
         columns.patches.arrays,
         (matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32), matrix.data, matrix.shape[1]),
         (columns.starts, columns.columns, row_starts, order),
-        (feet.patch, feet.v, feet.w),
+        (feet.v, feet.w),
         values,
     )
-    residuals = np.empty((len(order), 3), dtype=np.float32)
-    normals = np.empty((len(order), 3), dtype=np.float32)
-    _gather(targets, feet.positions, feet.normals, order, residuals, normals)
-    return PatchPart(columns, row_starts, values, normals, weights[order].astype(np.float32), residuals)
+    normals, weight = np.empty((n, 3), dtype=np.float32), np.empty(n, dtype=np.float32)
+    right, blocks = np.zeros((matrix.shape[1], 3)), np.zeros((matrix.shape[1], 3, 3))
+    rows = (columns.starts, columns.columns, row_starts, values)
+    _right_and_blocks(
+        rows, order, (targets, feet.positions, feet.normals, weights), metric, (normals, weight, right, blocks)
+    )
+    return PatchPart(columns, row_starts, values, normals, weight, right, blocks, metric)
 
 
 def patch_move(
@@ -118,17 +117,15 @@ def patch_move(
     fairness: sparse.csr_array,
     control_points: Floats,
     *,
-    tangent: float,
     accuracy: float,
     max_iterations: int,
 ) -> Floats:
     """(V, 3) moves of the control points toward the points of all parts: as `tangent_distance_move`."""
-    sides = [part.right_and_blocks(len(control_points), tangent) for part in parts]
-    right = np.sum([right for right, _ in sides], axis=0) - fairness @ control_points
-    blocks = held(np.sum([blocks for _, blocks in sides], axis=0), fairness)
+    right = np.sum([part.right for part in parts], axis=0) - fairness @ control_points
+    blocks = held(np.sum([part.blocks for part in parts], axis=0), fairness)
 
     def applied(x: Floats) -> Floats:
-        return np.asarray(sum((part.product(x, tangent) for part in parts), start=fairness @ x))
+        return np.asarray(sum((part.product(x) for part in parts), start=fairness @ x))
 
     return conjugate_gradients(applied, right, blocks, accuracy=accuracy, max_iterations=max_iterations)
 
@@ -165,12 +162,12 @@ def _fill(
     patches: PatchArrays,
     matrix: tuple[Ints, SmallInts, Floats, int],
     rows: tuple[Ints, SmallInts, Ints, SmallInts],
-    feet: tuple[Ints, Floats, Floats],
+    feet: tuple[Floats, Floats],
     values: Singles,
 ) -> None:  # pragma: no cover - compiled
     """Weights of the points of a patch at each foot, times the weights of the control points in these."""
     (starts, columns, data, n_control), (column_starts, patch_columns, row_starts, order) = matrix, rows
-    _, v, w = feet
+    v, w = feet
     b, c = np.empty((6, N_BASIS)), np.empty((6, MAX_SUPPORT))
     place, sums = np.zeros(n_control, dtype=np.int64), np.empty(n_control)
     most = 0
@@ -207,45 +204,40 @@ def _fill(
 
 
 @njit(cache=True, nogil=True)
-def _gather(
-    targets: Floats, positions: Floats, unit: Floats, order: SmallInts, residuals: Singles, normals: Singles
-) -> None:  # pragma: no cover - compiled
-    for row in range(len(order)):
-        i = order[row]
-        for axis in range(3):
-            residuals[row, axis] = targets[i, axis] - positions[i, axis]
-            normals[row, axis] = unit[i, axis]
-
-
-@njit(cache=True, nogil=True)
 def _right_and_blocks(
     rows: tuple[Ints, SmallInts, Ints, Singles],
-    pulls: tuple[Singles, Singles, Singles],
-    mu: float,
-    right: Floats,
-    blocks: Floats,
+    order: SmallInts,
+    pulls: tuple[Floats, Floats, Floats, Floats],
+    metric: Metric,
+    found: tuple[Singles, Singles, Floats, Floats],
 ) -> None:  # pragma: no cover - compiled
-    (column_starts, columns, row_starts, values), (normals, weights, residuals) = rows, pulls
-    at = 0
+    """Normals and weights of the rows, and the sums over them."""
+    (column_starts, columns, row_starts, values), (targets, feet, unit, given) = rows, pulls
+    normals, weights, right, blocks = found
+    mu, at = metric.tangent, 0
     for patch in range(len(column_starts) - 1):
         first, n = column_starts[patch], column_starts[patch + 1] - column_starts[patch]
         for row in range(row_starts[patch], row_starts[patch + 1]):
-            x, y, z, w = normals[row, 0], normals[row, 1], normals[row, 2], weights[row]
-            p, q, r = residuals[row, 0], residuals[row, 1], residuals[row, 2]
-            along = x * p + y * q + z * r
+            i = order[row]
+            x, y, z, w = unit[i, 0], unit[i, 1], unit[i, 2], given[i]
+            normals[row, 0], normals[row, 1], normals[row, 2], weights[row] = x, y, z, w
+            p, q, r = targets[i, 0] - feet[i, 0], targets[i, 1] - feet[i, 1], targets[i, 2] - feet[i, 2]
+            along = metric.normal * (x * p + y * q + z * r)
             p, q, r = w * (along * x + mu * p), w * (along * y + mu * q), w * (along * z + mu * r)
+            xx, xy, xz = metric.normal * x * x + mu, metric.normal * x * y, metric.normal * x * z
+            yy, yz, zz = metric.normal * y * y + mu, metric.normal * y * z, metric.normal * z * z + mu
             for k in range(n):
                 a, j = values[at + k], columns[first + k]
                 right[j, 0] += a * p
                 right[j, 1] += a * q
                 right[j, 2] += a * r
                 a *= a * w
-                blocks[j, 0, 0] += a * (x * x + mu)
-                blocks[j, 0, 1] += a * x * y
-                blocks[j, 0, 2] += a * x * z
-                blocks[j, 1, 1] += a * (y * y + mu)
-                blocks[j, 1, 2] += a * y * z
-                blocks[j, 2, 2] += a * (z * z + mu)
+                blocks[j, 0, 0] += a * xx
+                blocks[j, 0, 1] += a * xy
+                blocks[j, 0, 2] += a * xz
+                blocks[j, 1, 1] += a * yy
+                blocks[j, 1, 2] += a * yz
+                blocks[j, 2, 2] += a * zz
             at += n
     for j in range(len(blocks)):
         blocks[j, 1, 0], blocks[j, 2, 0], blocks[j, 2, 1] = blocks[j, 0, 1], blocks[j, 0, 2], blocks[j, 1, 2]
@@ -254,14 +246,13 @@ def _right_and_blocks(
 @njit(cache=True, nogil=True, fastmath=True)
 def _product(
     rows: tuple[Ints, SmallInts, Ints, Singles],
-    normals: Singles,
-    weights: Singles,
-    mu: float,
+    metrics: tuple[Singles, Singles],
+    metric: Metric,
     moves: Floats,
     out: Floats,
 ) -> None:  # pragma: no cover - compiled
-    column_starts, columns, row_starts, values = rows
-    most = 0
+    (column_starts, columns, row_starts, values), (normals, weights) = rows, metrics
+    mu, most = metric.tangent, 0
     for patch in range(len(column_starts) - 1):
         most = max(most, column_starts[patch + 1] - column_starts[patch])
     here, there = np.empty((3, most)), np.empty((3, most))
@@ -281,7 +272,7 @@ def _product(
                 y += a * here[1, k]
                 z += a * here[2, k]
             p, q, r, w = normals[row, 0], normals[row, 1], normals[row, 2], weights[row]
-            along = p * x + q * y + r * z
+            along = metric.normal * (p * x + q * y + r * z)
             x, y, z = w * (along * p + mu * x), w * (along * q + mu * y), w * (along * r + mu * z)
             for k in range(n):
                 a = values[at + k]

@@ -39,7 +39,7 @@ from recon.geometric_fit.relaxation import relaxed
 from recon.geometric_fit.reweighting import reweighed
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
 from recon.geometric_fit.sharpening import SharpScan, sharpened
-from recon.geometric_fit.updates import SOLVED, PatchPull, Pull, Updater, rows_for
+from recon.geometric_fit.updates import METRICS, PatchPull, Pull, Updater, rows_for
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.rows import row_distances
@@ -145,7 +145,7 @@ class _Fit:
         if options.crease_angle < np.pi:
             self._sharp = sharpened(whole, options.crease_angle)
         self._scan = scan_data(whole, self._limit, sharp=self._sharp, n_measured=scan.n_vertices)
-        self._weights = self._scan.weights.copy()
+        self._weights = self._scan.weights
         self._record: list[Round] = []
 
     @property
@@ -166,6 +166,7 @@ class _Fit:
             if stopped is None:
                 last, cycle = errors, cycle + 1
                 ground = self._refined(ground.mesh, feet, cycle)
+                del feet  # those of the next control mesh need the room
         return self._finished(ground, feet, stopped)
 
     def _initial(self) -> ControlMesh:
@@ -283,8 +284,9 @@ class _Fit:
     ) -> Pull | PatchPull:
         """Data points, and what is beside them."""
         data = (feet, self._scan.points, self._weights)
-        if self._options.update in SOLVED:
-            return PatchPull((patch_part(columns, *data), patch_part(columns, *more)), energy)
+        if self._options.update in METRICS:
+            metric = METRICS[self._options.update]
+            return PatchPull(tuple(patch_part(columns, *part, metric) for part in (data, more)), energy)
         all_feet = joined((feet, more[0]))
         targets, weights = (np.concatenate([data[i], more[i]]) for i in (1, 2))
         rows = rows_for(self._options.update, ground.patches, all_feet, _faces(ground.mesh))

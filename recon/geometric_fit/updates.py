@@ -10,7 +10,6 @@
 Paper  [maekawa2009] for PATENT, [wang2006] for TANGENT, [nesterov1983], [anderson1965].
 """
 
-from dataclasses import replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -19,17 +18,17 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from recon.geometric_fit.foot_points import Feet
-from recon.geometric_fit.patch_rows import PatchPart, patch_move
-from recon.geometric_fit.tangent_distance import BasisRows, Metric, basis_rows, tangent_distance_move
+from recon.geometric_fit.patch_rows import Metric, PatchPart, patch_move
+from recon.geometric_fit.tangent_distance import BasisRows, basis_rows, tangent_distance_move
+from recon.geometric_fit.tangent_distance import Metric as PointMetric
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["SOLVED", "PatchPull", "Pull", "Update", "Updater", "rows_for"]
+__all__ = ["METRICS", "PatchPull", "Pull", "Update", "Updater", "rows_for"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 TANGENT_SHARE = 0.02  # mu: how much of a residual along the surface counts
-ACCURACY = 3e-2  # to which the equations of a round are solved, as a share of their first residual
 HISTORY = 5  # moves that Anderson's combination looks back on
 
 
@@ -44,7 +43,9 @@ class Update(StrEnum):
     ANDERSON = "anderson"
 
 
-SOLVED = (Update.TANGENT, Update.LEAST_SQUARES)  # the rules that solve a system
+# of the rules that solve a system, how residuals count, and how exactly it is solved
+METRICS = {Update.TANGENT: Metric(1.0, TANGENT_SHARE), Update.LEAST_SQUARES: Metric(0.0, 1.0)}
+SOLUTION = {Update.TANGENT: (3e-2, 40), Update.LEAST_SQUARES: (1e-6, 300)}
 
 
 class Pull(NamedTuple):
@@ -101,8 +102,9 @@ class Updater:
     def moved(self, control_points: Floats, pull: Pull | PatchPull) -> Floats:
         """(V, 3) the control points after the round."""
         if isinstance(pull, PatchPull):
-            return control_points + self._solved_on_patches(control_points, pull)
-        if self._rule in SOLVED:
+            accuracy, most = SOLUTION[self._rule]
+            return control_points + patch_move(*pull, control_points, accuracy=accuracy, max_iterations=most)
+        if self._rule in METRICS:
             return control_points + self._solved(control_points, pull)
         move = _mean_move(len(control_points), pull)
         if self._rule is Update.NESTEROV:
@@ -112,19 +114,11 @@ class Updater:
         return control_points + move
 
     def _solved(self, control_points: Floats, pull: Pull) -> Floats:
-        if self._rule is Update.TANGENT:
-            metric = Metric(pull.normals, pull.weights, TANGENT_SHARE)
-            return tangent_distance_move(pull.rows, pull.residuals, metric, pull.fairness, control_points)
-        metric = Metric(np.zeros_like(pull.normals), pull.weights, 1.0)
+        (normal, tangent), (accuracy, most) = METRICS[self._rule], SOLUTION[self._rule]
+        metric = PointMetric(normal * pull.normals, pull.weights, tangent)
         return tangent_distance_move(
-            pull.rows, pull.residuals, metric, pull.fairness, control_points, accuracy=1e-6, max_iterations=300
+            pull.rows, pull.residuals, metric, pull.fairness, control_points, accuracy=accuracy, max_iterations=most
         )
-
-    def _solved_on_patches(self, control_points: Floats, pull: PatchPull) -> Floats:
-        if self._rule is Update.TANGENT:
-            return patch_move(*pull, control_points, tangent=TANGENT_SHARE, accuracy=ACCURACY, max_iterations=40)
-        parts = [replace(part, normals=np.zeros_like(part.normals)) for part in pull.parts]
-        return patch_move(parts, pull.fairness, control_points, tangent=1.0, accuracy=1e-6, max_iterations=300)
 
     def _with_momentum(self, stepped: Floats) -> Floats:
         last, self._speed = self._speed, stepped
