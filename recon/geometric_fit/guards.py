@@ -54,7 +54,10 @@ class Guards:
         self._samples = sample_places(patches)
         patch, v, w, triangles = tessellation_places(patches.sheets, 1)
         to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
-        self._to_corners, triangles, joined = _welded(to_corners, triangles)
+        joined = np.zeros(len(patch), dtype=np.bool_)
+        if len(mesh.crease_edges):
+            to_corners, triangles, joined = _welded(to_corners, triangles)
+        self._to_corners = to_corners
         table = edge_table(triangles)
         self._triangles = triangles.astype(np.int32)
         edge, self._one, self._two = (x.astype(np.int32) for x in table.face_pairs())

@@ -308,10 +308,13 @@ class _Fit:
         if self._options.scheme is not Scheme.LOOP:
             return self._ground(inset_faces(mesh, worst, n_new))
         split = split_faces(mesh, worst, n_new)
+        flipped = self._ground(flip_to_even_valences(split))
+        n_folded = int(flipped.guards.folded(flipped.mesh.vertices).sum())
+        if n_folded == 0:
+            return flipped
         # flips even the valences out, but may fold a surface that was smooth before
-        flipped, plain = self._ground(flip_to_even_valences(split)), self._ground(split)
-        folds = [int(each.guards.folded(each.mesh.vertices).sum()) for each in (flipped, plain)]
-        return flipped if folds[0] <= folds[1] else plain
+        plain = self._ground(split)
+        return flipped if n_folded <= plain.guards.folded(split.vertices).sum() else plain
 
     def _worst_faces(self, mesh: ControlMesh, feet: Feet, n_new: int) -> Ints:
         distance = self._distances(feet)

@@ -60,7 +60,7 @@ class Metric(NamedTuple):
 def basis_rows(patches: LimitPatches, feet: Feet) -> BasisRows:
     """The weights of the control points at the feet."""
     to_points = patches.points
-    bound = len(feet.patch) * 16 + 1024
+    bound = len(feet.patch) * 13 + 1024
     while True:
         starts, columns, values, needed = _rows(
             patches.arrays,

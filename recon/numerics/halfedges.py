@@ -96,9 +96,9 @@ class EdgeTable(NamedTuple):
 
 
 def edge_table(faces: Ints) -> EdgeTable:
-    """All edges of a triangle list with the sides that lie on them."""
+    """All edges of a list of triangles, or of quadrilaterals, with the sides that lie on them."""
     flat = np.ascontiguousarray(faces).ravel()
-    face_edges, ends, uses = _numbered(flat, int(flat.max(initial=-1)) + 1)
+    face_edges, ends, uses = _numbered(flat, faces.shape[1], int(flat.max(initial=-1)) + 1)
     return EdgeTable(ends, face_edges.reshape(faces.shape), faces < np.roll(faces, -1, axis=1), uses)
 
 
@@ -142,17 +142,17 @@ def _sort_by_end(corners: Ints, k: int, sides: SmallInts) -> None:  # pragma: no
 
 
 @njit(cache=True)
-def _numbered(corners: Ints, n: int) -> tuple[Ints, Ints, Ints]:  # pragma: no cover - compiled
-    """The edge of every side of triangles, (E, 2) the ends and (E,) the sides of every edge."""
-    starts, sides = _buckets(corners, 3, n)
+def _numbered(corners: Ints, k: int, n: int) -> tuple[Ints, Ints, Ints]:  # pragma: no cover - compiled
+    """The edge of every side of faces with k, (E, 2) the ends and (E,) the sides of every edge."""
+    starts, sides = _buckets(corners, k, n)
     # counted first: room for as many edges as sides is twice what there are
     n_edges = 0
     for low in range(n):
         bucket = sides[starts[low] : starts[low + 1]]
-        _sort_by_end(corners, 3, bucket)
+        _sort_by_end(corners, k, bucket)
         last = -1
         for side in bucket:
-            high = max(corners[side], corners[_end(side, 3)])
+            high = max(corners[side], corners[_end(side, k)])
             n_edges, last = n_edges + (high != last), high
     number = np.empty(len(corners), dtype=np.int64)
     ends, uses = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int64)
@@ -160,7 +160,7 @@ def _numbered(corners: Ints, n: int) -> tuple[Ints, Ints, Ints]:  # pragma: no c
     for low in range(n):
         last = -1
         for side in sides[starts[low] : starts[low + 1]]:
-            high = max(corners[side], corners[_end(side, 3)])
+            high = max(corners[side], corners[_end(side, k)])
             if high != last:
                 edge, last = edge + 1, high
                 ends[edge, 0], ends[edge, 1] = low, high
