@@ -16,6 +16,7 @@ reported beside its cause.
 Shells and faces that are meant to be open pass with what applies: 2 (but for free edges), 3, 4 (but for closing), 7.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import degrees, dist
 
@@ -275,15 +276,19 @@ def _triangulation_defects(
     """Line 4.  Coarse triangles of a thin wall may cut where the faces do not, so cuts are looked at again closer."""
     triangles = triangulate(shape, deflection)
     defects = _mesh_defects(triangles, uses, closes=closes)
-    if any(d.code == "self-intersection" for d in defects) and len(triangles.triangle_face) > MANY:
-        if not cut_faces_still_cut(triangles, _faces(shape), deflection):
-            defects = [d for d in defects if d.code != "self-intersection"]
-    elif any(d.code == "self-intersection" for d in defects):
+    if _cut(defects) and len(triangles.triangle_face) <= MANY:
         finer = triangulate(shape, deflection / 4, angle=0.2)
-        defects = _mesh_defects(finer, uses, closes=closes)
-        triangles = triangles if any(d.code == "self-intersection" for d in defects) else finer
+        finer_defects = _mesh_defects(finer, uses, closes=closes)
+        if not _cut(finer_defects):
+            triangles, defects = finer, finer_defects
+    if _cut(defects) and not cut_faces_still_cut(triangles, _faces(shape), deflection):
+        defects = [d for d in defects if d.code != "self-intersection"]
     cuts = sum(int(d.measured or 0) for d in defects if d.code == "self-intersection")
     return triangles, defects, cuts
+
+
+def _cut(defects: Sequence[Defect]) -> bool:
+    return any(d.code == "self-intersection" for d in defects)
 
 
 def _faces(shape: TopoDS_Shape) -> list[TopoDS_Face]:
@@ -306,7 +311,7 @@ def _mesh_defects(triangles: ShapeTriangulation, uses: EdgeUses, *, closes: bool
     return [*found.values()] + ([replace(cut, code="self-intersection", what=_CUTS)] if cut else [])
 
 
-MANY = 50_000  # triangles above which only the faces that seem to cut are looked at closer
+MANY = 50_000  # triangles up to which all faces are cut into finer ones first
 
 _CUTS = "faces that cut themselves or each other, in pairs of triangles"
 

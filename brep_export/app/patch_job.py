@@ -187,6 +187,7 @@ def patch_answer(
     for note in piece.notes:
         bench.note(note, name="piece")
     proved = _proved(found, request, bench)
+    figures = proved.figures(bench)
     ((report, written),) = write_parcels([proved.parcel(request["outputs"], request.get("picture"))], request, bench)
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
@@ -197,7 +198,7 @@ def patch_answer(
         kernel=report.as_json(),
         seconds=bench.seconds | {"total": bench.elapsed()},
         error=statistics(piece.sample_distance, unit="mm", against=SAMPLES),
-        room=proved.figures(bench) | dict(room(piece)),
+        room=figures | dict(room(piece)),
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from recon.terrain.clipping import clip_to_box
 from recon.terrain.contouring import contour_grid, contour_levels
 from recon.terrain.evaluation import contour_distances, distances_between, edge_angles, elevations
 from recon.terrain.network import stretched, terrain_network
-from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
+from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_surface
 from recon.terrain.sections import contours_at, islands_above
 from recon.tolerance import Tolerance
 
@@ -49,11 +50,11 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         contours = _clipped(_read(request), request["clip"])
         against = None if request["against"] is None else read_height_grid(request["against"])
     with bench.phase("reconstruct", "following the contours"):
-        options = TerrainOptions(tolerance=request["tolerance"], mend=request["mend"])
+        options = _options(request)
         ground = terrain_surface(contours, options, doing=bench.doing)
         room = _figures(contours, ground, against)
         lines = _new_contours(ground, request["contours"])
-        whole = _to_be_cut(contours, ground, request["base_level"], bench)
+        whole = _to_be_cut(contours, ground, options, request["base_level"], bench)
     for note in ground.notes:
         bench.note(note, name="ground")
     with bench.phase("brep", "building the shape"):
@@ -94,6 +95,14 @@ def _check_request(request: Mapping[str, Any]) -> None:
         raise BadOption("--contours", "name a .geojson file with -o for the contours")
     sidecars = [_sidecar(path) for path in _shape_files(request)]
     check_destinations({**request, "outputs": sidecars, "endings": (".json",), "picture": None, "report": None})
+
+
+def _options(request: Mapping[str, Any]) -> TerrainOptions:
+    kind, angle = PatchKind(request["patches"]), request["angle"]
+    if angle is not None and kind is not PatchKind.GREGORY:
+        raise BadOption("--angle", "is kept by the B-splines of Gregory patches; the default ones meet exactly")
+    options = TerrainOptions(tolerance=request["tolerance"], mend=request["mend"], patches=kind)
+    return options if angle is None else replace(options, angle=angle)
 
 
 def _line_files(request: Mapping[str, Any]) -> list[str]:
@@ -144,7 +153,9 @@ def _new_contours(ground: Terrain, interval: float | None) -> ContourMap | None:
     return contours_at(ground, (interval * np.arange(first, last + 1)).tolist())
 
 
-def _to_be_cut(contours: ContourMap, ground: Terrain, level: float | None, bench: Bench) -> Terrain:
+def _to_be_cut(
+    contours: ContourMap, ground: Terrain, options: TerrainOptions, level: float | None, bench: Bench
+) -> Terrain:
     """The ground, made again with a contour at the base where that cuts it."""
     if level is None or level < lowest_place(terrain_network(ground)):
         return ground
@@ -155,7 +166,8 @@ def _to_be_cut(contours: ContourMap, ground: Terrain, level: float | None, bench
         heights = [*contours.heights.tolist(), *added.heights.tolist()]
         contours = ContourMap([*contours.lines, *added.lines], heights, contours.extent, contours.crs)
     bench.doing("cutting at the base")
-    return terrain_surface(contours, TerrainOptions(tolerance=ground.tolerance), floor=level, doing=bench.doing)
+    options = replace(options, tolerance=ground.tolerance, mend=False)
+    return terrain_surface(contours, options, floor=level, doing=bench.doing)
 
 
 def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, ShapeKind, float]:
@@ -206,8 +218,9 @@ def lowest_place(network: PatchNetwork) -> float:
 
 
 def _g1_max_deg(ground: Terrain) -> float:
-    """Largest angle in degrees between the patches along their common edges."""
-    return float(np.degrees(edge_angles(ground).max(initial=0.0)))
+    """Largest angle in degrees between the faces along their common edges."""
+    stray = max((patches.stray() for patches in ground.nets), default=0.0)
+    return float(np.degrees(edge_angles(ground).max(initial=0.0) + 2.0 * stray))
 
 
 def _write_lines(lines: ContourMap | None, ground: Terrain, path: Path) -> None:

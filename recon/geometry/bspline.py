@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
+from scipy.interpolate import BSpline, NdBSpline
 
 from recon.errors import BadGeometry
 from recon.geometry.arrays import frozen_floats
@@ -89,12 +90,16 @@ class BSplineCurve:
 
     def derivative(self, t: ArrayLike, order: int = 1) -> Floats:
         """(m, d) derivative of the given order (0 to 2 for NURBS, any for B-splines) at the parameters (m,)."""
-        rows = [basis_matrix(self.knots, self.degree, t, k) for k in range(order + 1)]
         if self.weights is None:
-            return np.asarray(rows[order] @ self.control_points)
-        weighted = [row @ (self.control_points * self.weights[:, None]) for row in rows]
-        scale = [(row @ self.weights)[:, None] for row in rows]
+            return self._sum(t, order, self.control_points)
+        points, weights = self.control_points * self.weights[:, None], self.weights[:, None]
+        weighted = [self._sum(t, k, points) for k in range(order + 1)]
+        scale = [self._sum(t, k, weights) for k in range(order + 1)]
         return _rational(weighted, scale, order)
+
+    def _sum(self, t: ArrayLike, order: int, points: Floats) -> Floats:
+        at = np.clip(np.asarray(t, dtype=np.float64).ravel(), *self.domain)
+        return np.asarray(BSpline.construct_fast(self.knots, points, self.degree)(at, nu=order))
 
     def reversed(self) -> "BSplineCurve":
         """The same curve over the same domain, run through the other way."""
@@ -185,14 +190,9 @@ class BSplineSurface:
         return _tensor(bu, bv, self.control_net * self.weights[..., None]) / _tensor(bu, bv, self.weights[..., None])
 
     def _sum(self, uv: Floats, order_u: int, order_v: int, net: Floats) -> Floats:
-        bu = basis_matrix(self.knots_u, self.degree_u, uv[:, 0], order_u)
-        bv = basis_matrix(self.knots_v, self.degree_v, uv[:, 1], order_v)
-        rows = np.asarray(bu @ net.reshape(net.shape[0], -1)).reshape(len(uv), net.shape[1], -1)
-        out = np.zeros((len(uv), net.shape[2]))
-        # bv holds degree_v + 1 entries a row at most: gather them instead of a dense product
-        row = np.repeat(np.arange(len(uv)), np.diff(bv.indptr))
-        np.add.at(out, row, bv.data[:, None] * rows[row, bv.indices])
-        return out
+        low, high = np.transpose(self.domain)
+        spline = NdBSpline((self.knots_u, self.knots_v), net, (self.degree_u, self.degree_v))
+        return np.asarray(spline(np.clip(uv, low, high), nu=(order_u, order_v)))
 
 
 def _tensor(bu: sparse.csr_array, bv: sparse.csr_array, net: Floats) -> Floats:

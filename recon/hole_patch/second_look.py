@@ -149,7 +149,8 @@ def _off_wheel(table: Assembly, normals: Floats, axis: Axis, faces: Flags, wall:
         return faces
     group, area = label_groups(table, faces.astype(np.int64))
     below = np.full(len(area), -np.inf)
-    np.maximum.at(below, group[faces], depths_in_wall(table, normals, axis, wall)[faces])
+    of = np.flatnonzero(faces)
+    np.maximum.at(below, group[of], depths_in_wall(table, normals, axis, wall, of=of))
     return faces & (below > deep)[group]
 
 

@@ -96,7 +96,7 @@ def fracture_faces(table: Assembly, normals: Floats, axis: Axis, *, mated: Flags
     far = has_far_side(table, normals, thickness)
     sheet = (recurs > RECURRING) & ~mated
     allowed = min(max(DEEP * thickness, 2.0 * axis.quality), DEEPEST * thickness)
-    deep = depths_in_wall(table, normals, axis, sheet) > allowed
+    deep = depths_in_wall(table, normals, axis, sheet, of=np.arange(table.n_faces)) > allowed
     height = axis.cylindrical(table.centres)[:, 2]
     deep &= height < lip_height(height)  # an uneven lip lies below its own higher parts
     mated = mated & ~((recurs > RECURRING) & far & ~deep)  # wall beside a crack, that the neighbour's slope faces
@@ -115,20 +115,22 @@ def lip_height(height: Floats) -> float:
     return float(high - 0.1 * (high - low))
 
 
-def depths_in_wall(table: Assembly, normals: Floats, axis: Axis, sheet: Flags) -> Floats:
-    """(F,) how deep in the wall a face lies: below the surface that wall faces of like radius and height make.
+def depths_in_wall(table: Assembly, normals: Floats, axis: Axis, sheet: Flags, *, of: Ints) -> Floats:
+    """(k,) how deep in the wall faces lie: below the surface that wall faces of like radius and height make.
 
     sheet   (F,) faces that are wall for certain; the nearest of all round the turn are asked, their median counts
+    of      (k,) numbers of the faces that are asked about
     """
     known = np.flatnonzero(sheet)
     if not len(known):
-        return np.zeros(table.n_faces)
+        return np.zeros(len(of))
     known = known[:: max(1, len(known) // MOST_ASKED)]
-    place = axis.cylindrical(table.centres)[:, 1:]
-    slope = axis.slopes(table.centres, normals)
+    centres = table.centres[known]
+    sections, place = (axis.cylindrical(x)[:, 1:] for x in (centres, table.centres[of]))
+    slope = axis.slopes(centres, normals[known])
     count = min(ASKED, len(known))
-    near = known[cKDTree(place[known]).query(place, k=count)[1].reshape(len(place), count)]
-    below = ((place[near] - place[:, None]) * slope[near]).sum(axis=2)
+    near = cKDTree(sections).query(place, k=count)[1].reshape(len(place), count)
+    below = ((sections[near] - place[:, None]) * slope[near]).sum(axis=2)
     return np.asarray(np.median(below, axis=1))
 
 

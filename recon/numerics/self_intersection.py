@@ -13,24 +13,28 @@ the other (separating axis theorem [gottschalk1996]): the two normals and the ni
 in one plane, the six edge normals in that plane.  A push shorter than the margin is touching: a pair with a common
 vertex or edge has an axis on which it need not be pushed at all.
 
-Candidates come from a tree of boxes over the triangles in Morton order, walked level by level against itself, so
-that large and small triangles may lie side by side.
+Candidates come from a tree of boxes over the triangles in Morton order, which every triangle walks down for those that
+come after it, so that large and small triangles may lie side by side. Nothing is kept of pairs that do not cut: a
+million triangles have fifteen million pairs of boxes that meet.
 
-a, b   (P, 3, 3) corners of the first and second triangle of each pair
+a, b   (3, 3) corners of the first and second triangle of a pair
 """
 
+from collections.abc import Iterator
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from recon.numerics.rows import unit_vectors
 
-__all__ = ["crossing_triangles", "box_pairs", "triangles_cut"]
+__all__ = ["box_pairs", "crossing_triangles"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
-_CHUNK = 200_000
+DEEPEST = 64  # nodes that wait while a tree of at most 2^62 leaves is walked down
+PARALLEL = 1e-7  # sine between two edges below which the direction of their product is noise
 
 
 def crossing_triangles(vertices: Floats, face_vertices: Ints, *, margin: float | None = None) -> tuple[Ints, Floats]:
@@ -47,10 +51,12 @@ def crossing_triangles(vertices: Floats, face_vertices: Ints, *, margin: float |
         return np.empty((0, 2), dtype=np.int64), np.empty((0, 3))
     low, high = corners.min(axis=1), corners.max(axis=1)
     extent = float((high.max(axis=0) - low.min(axis=0)).max())
-    pairs = box_pairs(low, high)
-    cut = triangles_cut(corners, pairs, margin=1e-9 * extent if margin is None else margin)
-    pairs = pairs[cut]
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    normals = unit_vectors(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    order = _near_order(low, high)
+    cut = _cutting(
+        corners, normals, order, _box_tree(low[order], high[order]), 1e-9 * extent if margin is None else margin
+    )
+    pairs = cut[np.lexsort((cut[:, 1], cut[:, 0]))]
     first, second = pairs.T
     middle = 0.5 * (np.maximum(low[first], low[second]) + np.minimum(high[first], high[second]))
     return pairs, middle
@@ -58,112 +64,147 @@ def crossing_triangles(vertices: Floats, face_vertices: Ints, *, margin: float |
 
 def box_pairs(low: Floats, high: Floats) -> Ints:
     """(P, 2) every pair i < j of axis-parallel boxes that have a point in common; low, high (N, 3)."""
-    order = np.argsort(_morton_codes(0.5 * (low + high)), kind="stable")
-    levels = _box_tree(low[order], high[order])
-    pairs = np.zeros((1, 2), dtype=np.int64)
-    for boxes in reversed(levels[:-1]):
-        pairs = _overlapping(_children(pairs), boxes)
-    pairs = pairs[(pairs[:, 0] != pairs[:, 1]) & (pairs < len(order)).all(axis=1)]
+    order = _near_order(low, high)
+    pairs = np.array(list(_meeting(_box_tree(low[order], high[order]), len(order))), dtype=np.int64).reshape(-1, 2)
     return np.sort(order[pairs], axis=1)
 
 
-def triangles_cut(corners: Floats, pairs: Ints, *, margin: float) -> Flags:
-    """(P,) whether the two triangles of each pair overlap by more than the margin on every separating axis.
-
-    corners  (F, 3, 3) corner points of every triangle
-    pairs    (P, 2) triangle numbers
-    """
-    normals = unit_vectors(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    cut = np.zeros(len(pairs), dtype=bool)
-    for start in range(0, len(pairs), _CHUNK):
-        rows = slice(start, start + _CHUNK)
-        cut[rows] = _chunk_cut(corners, normals, pairs[rows], margin)
-    return cut
-
-
-def _chunk_cut(corners: Floats, normals: Floats, pairs: Ints, margin: float) -> Flags:
-    first, second = pairs.T
-    a, b = corners[first], corners[second]
-    b = b - a[:, :1]
-    a = a - a[:, :1]  # near the origin, where products of coordinates lose nothing
-    over_a, flat_b = _through_plane(a, b, normals[first], margin)
-    over_b, flat_a = _through_plane(b, a, normals[second], margin)
-    in_plane = flat_a & flat_b
-    cut = np.zeros(len(pairs), dtype=bool)
-    rows = np.flatnonzero(in_plane)
-    cut[rows] = _overlap_on_all(a[rows], b[rows], _axes_in_plane(a[rows], b[rows], normals[first[rows]]), margin)
-    rows = np.flatnonzero(over_a & over_b & ~in_plane)
-    cut[rows] = _overlap_on_all(a[rows], b[rows], _axes_of_edges(a[rows], b[rows]), margin)
-    return cut
-
-
-def _through_plane(a: Floats, b: Floats, normal: Floats, margin: float) -> tuple[Flags, Flags]:
-    """Whether b reaches to both sides of the plane of a, and whether it lies within that plane."""
-    height = np.einsum("pij,pj->pi", b - a[:, :1], normal)
-    low, high = height.min(axis=1), height.max(axis=1)
-    return (low < -margin) & (high > margin), (low >= -margin) & (high <= margin)
-
-
-def _axes_in_plane(a: Floats, b: Floats, normal: Floats) -> Floats:
-    """(P, 6, 3) unit normals of the six edges within the plane of the pair."""
-    edges = np.concatenate([_edges(a), _edges(b)], axis=1)
-    return unit_vectors(np.cross(edges, normal[:, None]))
-
-
-def _axes_of_edges(a: Floats, b: Floats) -> Floats:
-    """(P, 9, 3) unit products of every edge of a with every edge of b; zero where the two are parallel."""
-    ea, eb = _edges(a), _edges(b)
-    axes = np.cross(ea[:, :, None], eb[:, None])
-    length = np.linalg.norm(axes, axis=3, keepdims=True)
-    # the direction of a product of nearly parallel edges is noise, and a noisy axis separates what is not apart
-    least = 1e-7 * np.linalg.norm(ea, axis=2)[:, :, None, None] * np.linalg.norm(eb, axis=2)[:, None, :, None]
-    axes = np.where(length > least, axes / np.where(length > 0.0, length, 1.0), 0.0)
-    return axes.reshape(len(a), 9, 3)
-
-
-def _overlap_on_all(a: Floats, b: Floats, axes: Floats, margin: float) -> Flags:
-    """Whether the projections overlap by more than the margin on every axis (P, K, 3) that is not zero."""
-    on_a, on_b = axes @ a.transpose(0, 2, 1), axes @ b.transpose(0, 2, 1)
-    # how far one would have to be pushed to either side; a flat triangle seen edge-on has no width, and yet may be cut
-    overlap = np.minimum(on_a.max(axis=2) - on_b.min(axis=2), on_b.max(axis=2) - on_a.min(axis=2))
-    return np.all((overlap > margin) | ~axes.any(axis=2), axis=1)
-
-
-def _edges(a: Floats) -> Floats:
-    return np.roll(a, -1, axis=1) - a
-
-
-def _morton_codes(points: Floats) -> NDArray[np.uint64]:
-    """(N,) position of each point along a curve that keeps near points near: ten bits a coordinate, interleaved."""
-    low = points.min(axis=0)
-    extent = float((points.max(axis=0) - low).max()) or 1.0
-    cell = ((points - low) * (1023.0 / extent)).astype(np.uint64)
+def _near_order(low: Floats, high: Floats) -> Ints:
+    """(N,) boxes along a curve that keeps near ones near: ten bits a coordinate of their middles, interleaved."""
+    points = 0.5 * (low + high)
+    least = points.min(axis=0)
+    extent = float((points.max(axis=0) - least).max()) or 1.0
+    cell = ((points - least) * (1023.0 / extent)).astype(np.uint64)
     code = np.zeros(len(points), dtype=np.uint64)
     for bit in range(10):
         for axis in range(3):
             code |= ((cell[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
-    return code
+    return np.argsort(code, kind="stable")
 
 
-def _box_tree(low: Floats, high: Floats) -> list[Floats]:
-    """Boxes (n, 6) of a complete binary tree, leaves first; rows are (low, -high), and empty boxes hold nothing."""
+def _box_tree(low: Floats, high: Floats) -> Floats:
+    """(2 n, 6) boxes of a complete binary tree: node k has the children 2 k and 2 k + 1, leaf i is node n + i.
+
+    Rows are (low, -high); the boxes of leaves that are not there hold nothing.
+    """
     n = 1 << max(len(low) - 1, 0).bit_length()
-    leaves = np.full((n, 6), np.inf)
-    leaves[: len(low), :3], leaves[: len(low), 3:] = low, -high
-    levels = [leaves]
-    while len(levels[-1]) > 1:
-        levels.append(np.minimum(levels[-1][0::2], levels[-1][1::2]))
-    return levels
+    tree = np.full((2 * n, 6), np.inf)
+    tree[n : n + len(low), :3], tree[n : n + len(low), 3:] = low, -high
+    while n > 1:
+        tree[n // 2 : n] = np.minimum(tree[n : 2 * n : 2], tree[n + 1 : 2 * n : 2])
+        n //= 2
+    return tree
 
 
-def _children(pairs: Ints) -> Ints:
-    """Pairs of children of pairs of nodes, each unordered pair once."""
-    i, j = 2 * pairs[:, 0], 2 * pairs[:, 1]
-    apart = i != j
-    crossed = np.concatenate([np.stack([i + di, j + dj], axis=1) for di, dj in ((0, 0), (0, 1), (1, 1))])
-    return np.concatenate([crossed, np.stack([i[apart] + 1, j[apart]], axis=1)])
+@njit(cache=True)
+def _meeting(tree: Floats, count: int) -> Iterator[tuple[int, int]]:
+    """Pairs i < j of the first `count` leaves whose boxes meet."""
+    n = len(tree) // 2
+    waiting = np.empty(DEEPEST, dtype=np.int64)
+    for i in range(count):
+        box = tree[n + i]
+        waiting[0], left = 1, 1
+        while left > 0:
+            left -= 1
+            node = waiting[left]
+            other = tree[node]
+            if not (
+                box[0] <= -other[3] and other[0] <= -box[3] and box[1] <= -other[4] and other[1] <= -box[4]
+                and box[2] <= -other[5] and other[2] <= -box[5]
+            ):  # fmt: skip
+                continue
+            if node >= n:
+                if node - n > i:
+                    yield i, node - n
+                continue
+            last = 2 * node + 1  # its last leaf
+            while last < n:
+                last = 2 * last + 1
+            if last - n > i:
+                waiting[left], waiting[left + 1] = 2 * node + 1, 2 * node
+                left += 2
 
 
-def _overlapping(pairs: Ints, boxes: Floats) -> Ints:
-    first, second = boxes[pairs[:, 0]], boxes[pairs[:, 1]]
-    return pairs[(first[:, :3] <= -second[:, 3:]).all(axis=1) & (second[:, :3] <= -first[:, 3:]).all(axis=1)]
+@njit(cache=True)
+def _cutting(corners: Floats, normals: Floats, order: Ints, tree: Floats, margin: float) -> Ints:
+    """(P, 2) triangles, the smaller number first, that overlap by more than the margin on every separating axis."""
+    found = [(0, 0) for _ in range(0)]
+    for i, j in _meeting(tree, len(order)):
+        first, second = min(order[i], order[j]), max(order[i], order[j])
+        if _cut(corners[first], corners[second], normals[first], normals[second], margin):
+            found.append((first, second))
+    pairs = np.empty((len(found), 2), dtype=np.int64)
+    for k in range(len(found)):
+        pairs[k, 0], pairs[k, 1] = found[k]
+    return pairs
+
+
+@njit(cache=True)
+def _cut(one: Floats, other: Floats, normal: Floats, other_normal: Floats, margin: float) -> bool:
+    a, b = one - one[0], other - one[0]  # near the origin, where products of coordinates lose nothing
+    low, high = _span(b, normal)
+    in_plane = low >= -margin and high <= margin
+    if not in_plane and not (low < -margin and high > margin):
+        return False
+    low, high = _span(a - b[0], other_normal)
+    if in_plane:
+        return low >= -margin and high <= margin and _overlap_in_plane(a, b, normal, margin)
+    return low < -margin and high > margin and _overlap_on_products(a, b, margin)
+
+
+@njit(cache=True)
+def _overlap_in_plane(a: Floats, b: Floats, normal: Floats, margin: float) -> bool:
+    """On the six edge normals within the plane of the pair."""
+    axis = np.empty(3)
+    for k in range(6):
+        triangle = a if k < 3 else b
+        edge = triangle[(k + 1) % 3] - triangle[k % 3]
+        size = _cross(edge, normal, axis)
+        if size > 0.0 and not _overlap(a, b, axis / size, margin):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _overlap_on_products(a: Floats, b: Floats, margin: float) -> bool:
+    """On the products of every edge of a with every edge of b, but for those that are parallel."""
+    axis = np.empty(3)
+    for k in range(3):
+        e = a[(k + 1) % 3] - a[k]
+        for m in range(3):
+            f = b[(m + 1) % 3] - b[m]
+            size = _cross(e, f, axis)
+            least = PARALLEL * np.sqrt(_dot(e, e)) * np.sqrt(_dot(f, f))
+            if size > least and not _overlap(a, b, axis / size, margin):
+                return False
+    return True
+
+
+@njit(cache=True)
+def _overlap(a: Floats, b: Floats, axis: Floats, margin: float) -> bool:
+    """Whether one must be pushed by more than the margin, whichever way: a flat triangle seen edge-on has no width, and
+    yet may be cut.
+    """
+    low_a, high_a = _span(a, axis)
+    low_b, high_b = _span(b, axis)
+    return min(high_a - low_b, high_b - low_a) > margin
+
+
+@njit(cache=True)
+def _span(points: Floats, axis: Floats) -> tuple[float, float]:
+    first, second, third = _dot(points[0], axis), _dot(points[1], axis), _dot(points[2], axis)
+    return min(first, second, third), max(first, second, third)
+
+
+@njit(cache=True)
+def _dot(a: Floats, b: Floats) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def _cross(a: Floats, b: Floats, into: Floats) -> float:
+    """The product of two vectors, written into a third, and its length."""
+    into[0] = a[1] * b[2] - a[2] * b[1]
+    into[1] = a[2] * b[0] - a[0] * b[2]
+    into[2] = a[0] * b[1] - a[1] * b[0]
+    return float(np.sqrt(_dot(into, into)))

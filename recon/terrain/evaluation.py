@@ -1,6 +1,6 @@
 """Elevation and slope at any place of the map: which patch holds it, and where in the patch.
 
-The plan map X(u, v) = (1 - v) a(u) + v b(u) of every patch whose box holds the place is inverted by Newton steps.
+The plan map of every patch whose box holds the place is inverted by Newton steps.
 """
 
 import numpy as np
@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from recon.geometry.contour_map import ContourMap
-from recon.numerics.bernstein import bernstein, bernstein_derivative
-from recon.terrain.merging import plan_sides
+from recon.numerics.bernstein import bernstein
+from recon.terrain.patch_group import PatchGroup
 from recon.terrain.pipeline import Terrain
 
 __all__ = ["contour_distances", "distances_between", "edge_angles", "elevations", "sampled_triangles"]
@@ -28,18 +28,12 @@ def elevations(terrain: Terrain, places: ArrayLike) -> tuple[Floats, Floats]:
     local = np.asarray(places, dtype=np.float64).reshape(-1, 2) - terrain.origin
     patch, uv = _located(terrain, local)
     height, gradient = np.full(len(local), np.nan), np.full((len(local), 2), np.nan)
-    bottom, top = plan_sides(terrain.tiling, terrain.layout)
     for part in terrain.nets:
         place_in = np.full(terrain.n_patches, -1)
         place_in[part.rows] = np.arange(len(part.rows))
         rows = np.flatnonzero((patch >= 0) & (place_in[patch] >= 0))
-        net = part.nets[place_in[patch[rows]], :, :, 2]
-        u, v = uv[rows].T
-        bu, bv = bernstein(part.degree, u), bernstein(5, v)
-        height[rows] = np.einsum("ni,nij,nj->n", bu, net, bv)
-        z_u = np.einsum("ni,nij,nj->n", bernstein_derivative(part.degree, u), net, bv)
-        z_v = np.einsum("ni,nij,nj->n", bu, net, bernstein_derivative(5, v))
-        _, x_u, x_v = _plan(bottom[patch[rows]], top[patch[rows]], uv[rows])
+        point, x_u, x_v = part.points(place_in[patch[rows]], uv[rows])
+        height[rows], z_u, z_v = point[:, 2], x_u[:, 2], x_v[:, 2]
         area = _cross(x_u, x_v)
         with np.errstate(divide="ignore", invalid="ignore"):
             gradient[rows, 0] = (z_u * x_v[:, 1] - z_v * x_u[:, 1]) / area
@@ -51,54 +45,39 @@ def _cross(a: Floats, b: Floats) -> Floats:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def _plan(bottom: Floats, top: Floats, uv: Floats) -> tuple[Floats, Floats, Floats]:
-    """(n, 2) point of the plan map and its two derivatives."""
-    u, v = uv[:, 0], uv[:, 1:]
-    value, slope = bernstein(3, u), bernstein_derivative(3, u)
-    low, high = (np.einsum("nk,nkd->nd", value, net) for net in (bottom, top))
-    low_u, high_u = (np.einsum("nk,nkd->nd", slope, net) for net in (bottom, top))
-    return (1 - v) * low + v * high, (1 - v) * low_u + v * high_u, high - low
-
-
 def _located(terrain: Terrain, places: Floats) -> tuple[Ints, Floats]:
     """(m,) patch of every place, -1 for none, and the (m, 2) parameters in it."""
-    bottom, top = plan_sides(terrain.tiling, terrain.layout)
-    hull = np.concatenate([bottom, top], axis=1)
-    low, high = hull.min(axis=1), hull.max(axis=1)
-    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
     patch, uv = np.full(len(places), -1), np.zeros((len(places), 2))
-    for first in range(0, len(places), CHUNK):
-        pair_place, owner = tree.query(shapely.points(places[first : first + CHUNK]))
-        pair_place = pair_place + first
-        start = _nearest_sample(bottom[owner], top[owner], places[pair_place])
-        found, inside = _inverted(bottom[owner], top[owner], places[pair_place], start)
-        patch[pair_place[inside]], uv[pair_place[inside]] = owner[inside], found[inside]
+    for part in terrain.nets:
+        if not len(part.rows):
+            continue
+        low, high = part.boxes()
+        tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+        samples = part.grid(SAMPLES)[..., :2].reshape(len(part.rows), -1, 2)
+        for first in range(0, len(places), CHUNK):
+            pair_place, owner = tree.query(shapely.points(places[first : first + CHUNK]))
+            pair_place = pair_place + first
+            found, inside = _inverted(part, owner, places[pair_place], samples)
+            patch[pair_place[inside]], uv[pair_place[inside]] = part.rows[owner[inside]], found[inside]
     return patch, uv
 
 
-def _nearest_sample(bottom: Floats, top: Floats, places: Floats) -> Floats:
-    """(n, 2) parameters of that of a grid of samples of each patch which is nearest to the patch's own place."""
-    low, high = bernstein(3, SAMPLES) @ bottom, bernstein(3, SAMPLES) @ top
-    best, nearest = np.zeros((len(places), 2)), np.full(len(places), np.inf)
-    for v in SAMPLES.tolist():
-        off = (1 - v) * low + v * high - places[:, None]
-        square = (off * off).sum(axis=2)
-        at = np.argmin(square, axis=1)
-        closer = square[np.arange(len(at)), at] < nearest
-        nearest[closer] = square[np.arange(len(at)), at][closer]
-        best[closer] = np.column_stack([SAMPLES[at], np.full(len(at), v)])[closer]
-    return best
-
-
-def _inverted(bottom: Floats, top: Floats, places: Floats, uv: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    scale = np.abs(top - bottom).max(axis=(1, 2)) + np.abs(np.diff(bottom, axis=1)).max(axis=(1, 2))
+def _inverted(part: PatchGroup, owner: Ints, places: Floats, samples: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """(n, 2) parameters of the places (n, 2) in the patches `owner`, and whether they lie there; Newton steps from the
+    nearest of the patch's samples.
+    """
+    off = samples[owner] - places[:, None]
+    nearest = np.argmin(np.einsum("nkd,nkd->nk", off, off), axis=1)
+    uv = np.stack(np.divmod(nearest, len(SAMPLES)), axis=1)
+    uv = SAMPLES[uv]
+    scale = np.ptp(samples, axis=1).max(axis=1)[owner]
     for _ in range(STEPS):
-        point, x_u, x_v = _plan(bottom, top, uv)
+        point, x_u, x_v = part.plan(owner, uv)
         miss, area = places - point, _cross(x_u, x_v)
         area = np.where(np.abs(area) > 1e-12 * scale**2, area, 1e-12 * scale**2)
         step = np.column_stack([_cross(miss, x_v), _cross(x_u, miss)]) / area[:, None]
         uv = np.clip(uv + np.clip(step, -0.5, 0.5), -0.2, 1.2)
-    point, _, _ = _plan(bottom, top, uv)
+    point, _, _ = part.plan(owner, uv)
     close = np.linalg.norm(places - point, axis=1) < 1e-8 * scale + 1e-9
     inside = close & (uv > -INSIDE).all(axis=1) & (uv < 1 + INSIDE).all(axis=1)
     return np.clip(uv, 0.0, 1.0), inside
@@ -109,8 +88,7 @@ def sampled_triangles(terrain: Terrain, steps: int = 4) -> tuple[Floats, Ints]:
     t = np.linspace(0.0, 1.0, steps + 1)
     points = np.empty((terrain.n_patches, (steps + 1) ** 2, 3))
     for part in terrain.nets:
-        grid = np.einsum("iu,nuvd,jv->nijd", bernstein(part.degree, t), part.nets, bernstein(5, t), optimize=True)
-        points[part.rows] = grid.reshape(len(part.rows), -1, 3)
+        points[part.rows] = part.grid(t).reshape(len(part.rows), -1, 3)
     i, j = np.divmod(np.arange(steps * steps), steps)
     corner = i * (steps + 1) + j
     cell = np.vstack([
@@ -174,7 +152,7 @@ def edge_angles(terrain: Terrain, samples: int = 5) -> Floats:
         for side, (u, v) in enumerate(((t, 0 * t), (0 * t + 1, t), (t, 0 * t + 1), (0 * t, t))):
             edge = layout.side_edges[part.rows, side]
             used = np.flatnonzero(edge >= 0)
-            normal = _normals(part.nets[used], part.degree, u, v)
+            normal = part.normals(u, v)[used]
             normal = np.where(layout.side_forward[part.rows[used], side][:, None, None], normal, normal[:, ::-1])
             order = np.argsort(edge[used], kind="stable")
             sorted_edges = edge[used][order]
@@ -184,11 +162,3 @@ def edge_angles(terrain: Terrain, samples: int = 5) -> Floats:
             np.add.at(count, edge[used], 1)
     both = normals[count == 2]
     return np.asarray(np.arcsin(np.clip(np.linalg.norm(np.cross(both[:, 0], both[:, 1]), axis=2), 0, 1))).ravel()
-
-
-def _normals(nets: Floats, degree: int, u: Floats, v: Floats) -> Floats:
-    """(n, m, 3) unit normals of Bezier patches at m parameters."""
-    bu, bv, du, dv = bernstein(degree, u), bernstein(5, v), bernstein_derivative(degree, u), bernstein_derivative(5, v)
-    along = [np.einsum("mi,nijd,mj->nmd", a, nets, b, optimize=True) for a, b in ((du, bv), (bu, dv))]
-    normal = np.cross(along[0], along[1])
-    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-300))

@@ -13,6 +13,7 @@ polynomials in u are, and those are where their Bernstein coefficients are.
 Paper  [zhang2006], section 4.1; quads may here also have one contour side, or none.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +24,7 @@ from recon.geometry.patches import COLLAPSED
 from recon.numerics.bernstein import reparametrization
 from recon.terrain.tiling import Tiling
 
-__all__ = ["PatchLayout", "triangle_layout", "merged_layout", "plan_sides", "is_folded"]
+__all__ = ["Folds", "PatchLayout", "is_folded", "merged_layout", "plan_sides", "ruled_folds", "triangle_layout"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -75,12 +76,13 @@ def _layout(tiling: Tiling, corners: Ints, side_edges: Ints, face: Ints) -> Patc
     return PatchLayout(corners, side_edges, (tiling.edges[side_edges, 0] == begin) | (side_edges == COLLAPSED), face)
 
 
-def merged_layout(tiling: Tiling) -> PatchLayout:
+def merged_layout(tiling: Tiling, folds: "Folds") -> PatchLayout:
     """Triangles and quads: pairs with two opposite contour sides first, then those nearest to rectangles.
 
+    folds     tells which patches' plan maps fold
     Promises  no quad folds; no quad has two contour sides that touch.
     """
-    quads, faces, score = _candidates(tiling)
+    quads, faces, score = _candidates(tiling, folds)
     chosen, taken = _paired(faces, np.argsort(score, kind="stable"), len(tiling.triangles))
     rest = triangle_layout(tiling)
     pair = (quads.part(chosen), rest.part(~taken))
@@ -145,7 +147,7 @@ def _flip(here: int, q: int, came: dict[int, tuple[int, int]], pairs: list[list[
             return
 
 
-def _candidates(tiling: Tiling) -> tuple[PatchLayout, Ints, Floats]:
+def _candidates(tiling: Tiling, folds: "Folds") -> tuple[PatchLayout, Ints, Floats]:
     """Quads that could be made, the (n, 2) triangles each takes, and a score, the lower the better."""
     edge = np.flatnonzero((tiling.edge_faces >= 0).all(axis=1) & ~tiling.is_contour)
     left, right = tiling.edge_faces[edge].T
@@ -168,7 +170,7 @@ def _candidates(tiling: Tiling) -> tuple[PatchLayout, Ints, Floats]:
     allowed &= bent.max(axis=1) < SHARPEST
     bent = bent[allowed]
     quads = _layout(tiling, corners[allowed], sides[allowed], left[allowed])
-    sound = ~is_folded(*plan_sides(tiling, quads), quads.is_triangle)
+    sound = ~folds(tiling, quads)
     quads = quads.part(sound)
     opposite = tiling.is_contour[quads.side_edges].sum(axis=1) == 2
     return quads, np.column_stack([left, right])[allowed][sound], bent[sound].sum(axis=1) - 8.0 * opposite
@@ -201,6 +203,14 @@ _PRODUCT = np.zeros((6, 3, 4))  # Bernstein coefficients of a quadratic times a 
 for _i, _p in enumerate((1, 2, 1)):
     for _j, _q in enumerate((1, 3, 3, 1)):
         _PRODUCT[_i + _j, _i, _j] = _p * _q / (1, 5, 10, 10, 5, 1)[_i + _j]
+
+
+Folds = Callable[[Tiling, PatchLayout], NDArray[np.bool_]]  # (P,) which patches' plan maps fold
+
+
+def ruled_folds(tiling: Tiling, layout: PatchLayout) -> NDArray[np.bool_]:
+    """(P,) of patches with the ruled plan map."""
+    return is_folded(*plan_sides(tiling, layout), layout.is_triangle)
 
 
 def is_folded(bottom: Floats, top: Floats, triangle: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -13,16 +13,14 @@ __all__ = ["stretched", "terrain_network"]
 
 
 def terrain_network(terrain: Terrain) -> PatchNetwork:
-    """Bezier patches of a terrain, in local coordinates, with every shared side one edge.
+    """Patches of a terrain, in local coordinates, with every shared side one edge.
 
     Promises  all normals upward; an edge has two patches, or one on the border of the map.
     """
     patches: list[BSplineSurface | None] = [None] * terrain.n_patches
-    knots_v = np.repeat([0.0, 1.0], 6)
     for part in terrain.nets:
-        knots_u = np.repeat([0.0, 1.0], part.degree + 1)
-        for row, net in zip(part.rows.tolist(), part.nets):
-            patches[row] = BSplineSurface(part.degree, 5, knots_u, knots_v, net)
+        for row, surface in zip(part.rows.tolist(), part.surfaces()):
+            patches[row] = surface
     layout = terrain.layout
     sides = layout.side_edges
     used = np.unique(sides[sides != COLLAPSED])

@@ -7,7 +7,8 @@
 Every term is a polynomial: degree 8 x 5 where side 0 or 2 is a contour edge, 5 x 5 elsewhere. The corner twists
 z_uv = X_u . H X_v + g . X_uv agree from both sides because the Hessian H belongs to the vertex.
 
-Paper  [zhang2006], section 5, has Gregory patches here; Coons patches as in [farin2002], chapter 22.
+Paper  [zhang2006], section 5, has Gregory patches here, as `recon.terrain.gregory` does; Coons patches as in
+[farin2002], chapter 22.
 """
 
 from dataclasses import dataclass
@@ -15,10 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.geometry.bspline import BSplineSurface
 from recon.geometry.patches import COLLAPSED
-from recon.numerics.bernstein import bernstein, degree_elevation
+from recon.numerics.bernstein import bernstein, bernstein_derivative, degree_elevation
+from recon.numerics.rows import unit_vectors
 from recon.terrain.curve_mesh import EdgeFields, edge_fields
 from recon.terrain.merging import PatchLayout, plan_sides
+from recon.terrain.patch_group import PatchGroup
 from recon.terrain.second_derivatives import VertexJets
 from recon.terrain.tiling import Tiling
 
@@ -32,7 +36,7 @@ CURVED, STRAIGHT = 8, 5  # degree in u with and without a contour side
 
 
 @dataclass(frozen=True, eq=False)
-class PatchNets:
+class PatchNets(PatchGroup):
     """Bezier control nets of one degree.
 
     rows  (n,) patches of the layout
@@ -45,6 +49,58 @@ class PatchNets:
     @property
     def degree(self) -> int:
         return self.nets.shape[1] - 1
+
+    def points(self, index: Ints, uv: Floats) -> tuple[Floats, Floats, Floats]:
+        u, v = uv.T
+        bu, bv, du, dv = self._basis(u, v)
+        net = self.nets[index]
+        point, along_u, along_v = (
+            np.einsum("ni,nijd,nj->nd", a, net, b, optimize=True) for a, b in ((bu, bv), (du, bv), (bu, dv))
+        )
+        return point, along_u, along_v
+
+    def plan(self, index: Ints, uv: Floats) -> tuple[Floats, Floats, Floats]:
+        """By the ruled map, which is the linear blend of the two sides."""
+        u, v = uv[:, 0], uv[:, 1:]
+        value, slope = bernstein(self.degree, u), bernstein_derivative(self.degree, u)
+        bottom, top = self.nets[index, :, 0, :2], self.nets[index, :, -1, :2]
+        low, high, low_u, high_u = (
+            np.einsum("nk,nkd->nd", basis, net) for basis in (value, slope) for net in (bottom, top)
+        )
+        return (1 - v) * low + v * high, (1 - v) * low_u + v * high_u, high - low
+
+    def grid(self, t: Floats) -> Floats:
+        value = bernstein(self.degree, t) @ self.nets.transpose(0, 3, 1, 2) @ bernstein(DEGREE_V, t).T
+        return np.asarray(value.transpose(0, 2, 3, 1))
+
+    def normals(self, u: Floats, v: Floats) -> Floats:
+        bu, bv, du, dv = self._basis(u, v)
+        along = [np.einsum("mi,nijd,mj->nmd", a, self.nets, b, optimize=True) for a, b in ((du, bv), (bu, dv))]
+        return unit_vectors(np.cross(along[0], along[1]))
+
+    def _basis(self, u: Floats, v: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        return (
+            bernstein(self.degree, u),
+            bernstein(DEGREE_V, v),
+            bernstein_derivative(self.degree, u),
+            bernstein_derivative(DEGREE_V, v),
+        )
+
+    def boxes(self) -> tuple[Floats, Floats]:
+        sides = self.nets[:, :, [0, -1], :2]
+        return sides.min(axis=(1, 2)), sides.max(axis=(1, 2))
+
+    def surfaces(self) -> list[BSplineSurface]:
+        knots_u, knots_v = (np.repeat([0.0, 1.0], degree + 1) for degree in (self.degree, DEGREE_V))
+        return [BSplineSurface(self.degree, DEGREE_V, knots_u, knots_v, net) for net in self.nets]
+
+    def part(self, kept: NDArray[np.bool_], rows: Ints) -> "PatchNets":
+        return PatchNets(rows, self.nets[kept])
+
+    def replaced(self, new: "PatchNets") -> "PatchNets":
+        nets = self.nets.copy()
+        nets[np.searchsorted(self.rows, new.rows)] = new.nets
+        return PatchNets(self.rows, nets)
 
 
 def patch_nets(

@@ -9,8 +9,10 @@
 7. limiter      no overshoot beyond the contours around
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +23,21 @@ from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
 from recon.terrain.contour_curves import ContourCurves
 from recon.terrain.faults import checked_contours
+from recon.terrain.gregory import gregory_folds, gregory_patches
 from recon.terrain.levels import levels
 from recon.terrain.limiter import limited_jets
-from recon.terrain.merging import PatchLayout, is_folded, merged_layout, plan_sides, triangle_layout
-from recon.terrain.patches import PatchNets
+from recon.terrain.merging import Folds, PatchLayout, merged_layout, ruled_folds, triangle_layout
+from recon.terrain.patch_group import PatchGroup
+from recon.terrain.patches import patch_nets
 from recon.terrain.resampling import contour_samples, fit_contours, point_spacing
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
 from recon.terrain.slopes import vertex_slopes
 from recon.terrain.tiling import CurvesMeet, Tiling, tile, with_free_vertices
 
-__all__ = ["Terrain", "TerrainOptions", "terrain_surface"]
+__all__ = ["PatchKind", "Terrain", "TerrainOptions", "terrain_surface"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 SHARE_OF_SPACING = 0.28  # the tolerance, where none is given, as a share of the distance between the given points
 MOST_TURNING = np.radians(90.0)  # of a segment: more would let a contour bulge over the tiling edges beside it
@@ -45,21 +50,34 @@ PATIENCE = 3  # refits before rings are left out
 REFITS, TIGHTENINGS, UNFOLDINGS = 14, 9, 12
 
 
+class PatchKind(StrEnum):
+    """What lies within the curve mesh."""
+
+    POLYNOMIAL = "polynomial"
+    GREGORY = "gregory"
+
+
 @dataclass(frozen=True)
 class TerrainOptions:
     """What a user may choose.
 
     tolerance  metres that a contour's curve may stay from the points given; None: 0.28 of their spacing
     mend       leave out contours that repeat another
+    patches    POLYNOMIAL, or the paper's GREGORY patches, which become B-splines
+    angle      degrees between the tangent planes of neighbours that the B-splines of Gregory patches keep within
     Raises  BadOption.
     """
 
     tolerance: float | None = None
     mend: bool = False
+    patches: PatchKind = PatchKind.POLYNOMIAL
+    angle: float = 0.1
 
     def __post_init__(self) -> None:
         if self.tolerance is not None and not 0 < self.tolerance < np.inf:
             raise BadOption("--tolerance", f"must be a positive length in metres, not {self.tolerance}")
+        if not 0 < self.angle <= 90:
+            raise BadOption("--angle", f"must be an angle in degrees, up to 90, not {self.angle}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +86,7 @@ class Terrain:
 
     origin   (2,) place of the map at which the patches have their x = y = 0
     tiling, layout, jets   what the patches were made from, in local coordinates
-    nets     Bezier control nets, in local coordinates: those with a contour side, and those without
+    nets     the patches, in local coordinates: polynomial ones with a contour side and those without, or Gregory's
     extent   (2, 2) corners of the map, in local coordinates
     interval metres of height between neighbouring contours
     tolerance  metres, as used
@@ -81,7 +99,7 @@ class Terrain:
     tiling: Tiling
     layout: PatchLayout
     jets: VertexJets
-    nets: tuple[PatchNets, PatchNets]
+    nets: tuple[PatchGroup, ...]
     extent: Floats
     interval: float
     tolerance: float
@@ -118,15 +136,20 @@ def terrain_surface(
     local = _ended_on_border(kept.moved(origin), tolerance)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
-        tiling, local, left_out = _tiled(local, tolerance, origin)
+        gregory = options.patches is PatchKind.GREGORY
+        folds = gregory_folds if gregory else ruled_folds
+        tiling, local, left_out = _tiled(local, tolerance, origin, folds)
         notes += left_out
-        layout = merged_layout(tiling)
+        layout = merged_layout(tiling, folds)
         doing("finding the slopes")
         interval = contours.interval()
         limits = levels(tiling, interval)
         jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
         doing("making the patches")
-        jets, nets = limited_jets(tiling, layout, jets, limits, interval, floor)
+        made: Callable[[VertexJets, Ints | None], Sequence[PatchGroup]] = partial(patch_nets, tiling, layout)
+        if gregory:
+            made = partial(gregory_patches, tiling, layout, angle=options.angle)
+        jets, nets = limited_jets(made, layout, jets, limits, interval, floor)
     return Terrain(
         origin, tiling, layout, jets, nets, local.extent, interval, tolerance, limits.strip, contours.crs, notes
     )
@@ -163,7 +186,9 @@ def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
     return ContourMap(lines, contours.heights, contours.extent, contours.crs)
 
 
-def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> tuple[Tiling, ContourMap, tuple[str, ...]]:
+def _tiled(
+    contours: ContourMap, tolerance: float, origin: Floats, folds: Folds
+) -> tuple[Tiling, ContourMap, tuple[str, ...]]:
     """The tiling of curves that do not meet, and its contours; where they met, the fit is repeated with less room.
 
     Where that does not help, rings that the spacing of the points cannot tell from noise are left out and named.
@@ -177,7 +202,7 @@ def _tiled(contours: ContourMap, tolerance: float, origin: Floats) -> tuple[Tili
         curves = _supple(fit_contours(samples, allowed, tight), allowed)
         try:
             tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
-            tiling = _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin))
+            tiling = _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin), folds)
             return tiling, contours, _told_of_rings(left_out, origin)
         except CurvesMeet as meeting:
             if attempt == REFITS - 1:
@@ -224,7 +249,7 @@ def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
     return curves
 
 
-def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, float, Floats]) -> Tiling:
+def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, float, Floats], folds: Folds) -> Tiling:
     """The tiling with contour segments halved, or made chords when tiny, until no triangle's plan map folds.
 
     grid  border step, length below which a segment is tiny, map origin
@@ -232,7 +257,7 @@ def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, f
     step, tiny, origin = grid
     for _ in range(UNFOLDINGS):
         layout = triangle_layout(tiling)
-        folded = is_folded(*plan_sides(tiling, layout), layout.is_triangle)
+        folded = folds(tiling, layout)
         flat = tiling.flat_triangles()
         if not folded.any() and not flat.any():
             return tiling

@@ -27,6 +27,7 @@ Ints = NDArray[np.int64]
 STIFFNESS = 0.12  # of the span: the wavelength below which a spline stops to follow its points is 2 pi times this
 SHARPEST = np.radians(100.0)  # turning of a span above which it is a kink: it and its neighbours are made stiffer
 SLOWEST, STIFFER, SMOOTHINGS = 0.5, 1.4, 4  # length over parameter that is a kink too; the step; how often
+OVER = 1.2  # tolerances that a curve may miss its points by once it is stiffer; else it stays as it was
 LONGEST = 12.0  # spacings of the given points a knot span covers at most
 DENSE = 0.5  # spacings between two given points above which points are put between them
 TIGHT_REACH, TIGHTER, MOST_NAMED = 1.5, 0.2, 5  # spacings around a place where curves met; what is allowed there
@@ -118,17 +119,26 @@ class _Spline:
         """Make kinked spans and those beside them stiffer, as far as the points allow; whether any could be."""
         if len(kinked) <= RING_SPANS:  # shorter curves cannot give way
             return False
-        beside = kinked.copy()
-        beside[1:] |= kinked[:-1]
-        beside[:-1] |= kinked[1:]
-        beside &= self.misses() < tolerance
+        beside, before = _with_neighbours(kinked) & (self.misses() < tolerance), self._stiffness.copy()
         self._stiffness[beside] *= STIFFER
         self._fit()
-        return bool(beside.any())
+        astray = _with_neighbours(self.misses() > OVER * tolerance)
+        if astray.any():
+            self._stiffness[astray] = before[astray]
+            self._fit()
+        return bool((beside & ~astray).any())
 
     def misses(self) -> Floats:
         """(n,) the farthest that a point of each span lies from the spline."""
         return worst_misses(self.points, self.parameter, self._fixed, self.knots, self.coefficients, self.ring)
+
+
+def _with_neighbours(spans: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n,) the spans, and those on either side of them."""
+    wider = spans.copy()
+    wider[1:] |= spans[:-1]
+    wider[:-1] |= spans[1:]
+    return wider
 
 
 def contour_samples(contours: ContourMap) -> ContourSamples:

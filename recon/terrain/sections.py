@@ -15,7 +15,6 @@ from scipy.sparse.csgraph import connected_components
 
 from recon.geometry.contour_map import ContourMap
 from recon.geometry.patches import COLLAPSED
-from recon.numerics.bernstein import bernstein
 from recon.terrain.pipeline import Terrain
 
 __all__ = ["contours_at", "islands_above", "welded_triangles"]
@@ -24,6 +23,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 CELLS = 4  # of a patch in either direction
+INSIDE = np.array([0.25, 0.5, 0.75])
 
 
 def welded_triangles(terrain: Terrain, steps: int = CELLS) -> tuple[Floats, Ints]:
@@ -45,8 +45,7 @@ def welded_triangles(terrain: Terrain, steps: int = CELLS) -> tuple[Floats, Ints
     t = np.linspace(0.0, 1.0, steps + 1)
     points = np.zeros((own + terrain.n_patches * inner * inner, 3))
     for part in terrain.nets:
-        value = bernstein(part.degree, t) @ part.nets.transpose(0, 3, 1, 2) @ bernstein(5, t).T
-        points[number[part.rows]] = value.transpose(0, 2, 3, 1)
+        points[number[part.rows]] = part.grid(t)
     points[:n_vertices, 2] = terrain.jets.height  # to the last bit
     a, b, c, d = number[:, :-1, :-1], number[:, 1:, :-1], number[:, 1:, 1:], number[:, :-1, 1:]
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
@@ -115,7 +114,7 @@ def islands_above(terrain: Terrain, level: float) -> list[Terrain]:
     """The connected parts of a ground above a level that is one of its contours' heights, the largest first."""
     middle = np.empty(terrain.n_patches)
     for part in terrain.nets:
-        middle[part.rows] = part.nets[..., 2].mean(axis=(1, 2))
+        middle[part.rows] = part.grid(INSIDE)[..., 2].mean(axis=(1, 2))
     strip = terrain.strip[terrain.layout.face]
     total = np.bincount(strip, middle - level) / np.maximum(np.bincount(strip), 1)
     kept = np.flatnonzero(total[strip] > 0)
@@ -132,5 +131,5 @@ def islands_above(terrain: Terrain, level: float) -> list[Terrain]:
 def _only(terrain: Terrain, rows: Ints) -> Terrain:
     place = np.full(terrain.n_patches, -1)
     place[rows] = np.arange(len(rows))
-    nets = tuple(replace(n, rows=place[n.rows[(h := place[n.rows] >= 0)]], nets=n.nets[h]) for n in terrain.nets)
-    return replace(terrain, layout=terrain.layout.part(rows), nets=(nets[0], nets[1]))
+    nets = tuple(part.part(kept := place[part.rows] >= 0, place[part.rows[kept]]) for part in terrain.nets)
+    return replace(terrain, layout=terrain.layout.part(rows), nets=nets)

@@ -38,6 +38,24 @@ def test_a_grid_becomes_a_closed_solid_in_metres(hill, tmp_path):
     assert "SI_UNIT($,.METRE.)" in out.read_text()
 
 
+def test_gregory_patches_become_a_closed_solid_at_the_promised_angle(hill, tmp_path):
+    out = tmp_path / "hill.step"
+    answer = run(hill[0], "--interval", 10, "--patches", "gregory", "--angle", 0.05, "-o", out, "--allow-open", "--json")
+    result = json.loads(answer.stdout)
+    assert result["reasons"] == []
+    assert result["kernel"]["max_edge_angle_deg"] < 0.05
+    assert result["room"]["g1_max_deg"] < 0.05
+    block = run(hill[0], "--interval", 10, "--patches", "gregory", "--base-depth", 5, "-o", out, "--force", "--json")
+    assert json.loads(block.stdout)["reasons"] == []
+    assert json.loads(block.stdout)["kernel"]["closed"]
+
+
+def test_an_angle_is_promised_for_gregory_patches_alone(hill, tmp_path):
+    answer = run(hill[0], "--interval", 10, "--angle", 1, "-o", tmp_path / "hill.step")
+    assert answer.exit_code == 2
+    assert "--angle" in answer.output
+
+
 def test_a_grid_needs_an_interval(hill, tmp_path):
     answer = run(hill[0], "-o", tmp_path / "hill.step")
     assert answer.exit_code == 2

@@ -1,5 +1,6 @@
 """recon terrain: contour lines to a mountain."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,13 @@ from brep_export.app.front_desk import answer
 __all__ = ["terrain"]
 
 JOB = "brep_export.app.terrain_job:terrain"
+
+
+class PatchKind(StrEnum):
+    """What lies between the contours' curves."""
+
+    POLYNOMIAL = "polynomial"
+    GREGORY = "gregory"
 
 
 def terrain(
@@ -63,6 +71,20 @@ def terrain(
     base_level: Annotated[
         float | None,
         typer.Option(help="Close to a solid, its base at this height in metres; where it cuts the ground, islands."),
+    ] = None,
+    patches: Annotated[
+        PatchKind,
+        typer.Option(
+            help="polynomial: exactly G1; gregory: the paper's patches as B-splines, G1 to --angle.",
+        ),
+    ] = PatchKind.POLYNOMIAL,
+    angle: Annotated[
+        float | None,
+        typer.Option(
+            help="Degrees that neighbouring faces may differ by, with --patches gregory. Default: 0.1.",
+            min=1e-3,
+            max=90.0,
+        ),
     ] = None,
     against: Annotated[Path | None, typer.Option(help="Height grid to measure the ground against.")] = None,
     schema: ProtocolSchema = Schema.AP214,

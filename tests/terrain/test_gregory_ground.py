@@ -1,0 +1,67 @@
+"""The paper's own patches over generated mountains."""
+
+import numpy as np
+import pytest
+from generated_mountains import mountain_contours
+from test_terrain_surface import INTERVAL, SEEDS, largest_angle
+
+from recon.errors import BadOption
+from recon.terrain.evaluation import distances_between, edge_angles, elevations
+from recon.terrain.network import terrain_network
+from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_surface
+from recon.terrain.sections import contours_at
+
+GREGORY = TerrainOptions(patches=PatchKind.GREGORY)
+
+
+@pytest.fixture(scope="module")
+def grounds() -> dict[int, Terrain]:
+    return {seed: terrain_surface(mountain_contours(seed, INTERVAL), GREGORY) for seed in SEEDS}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_patches_meet_in_tangent_planes(grounds, seed):
+    assert edge_angles(grounds[seed]).max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_their_splines_keep_the_promised_angle(grounds, seed):
+    t = np.concatenate([[0.001, 0.004], np.linspace(0.01, 0.99, 33), [0.996, 0.999]])
+    assert largest_angle(terrain_network(grounds[seed]), t) < 0.1
+
+
+def test_a_smaller_angle_takes_more_control_points():
+    angles, sizes = (1.0, 0.02), []
+    for angle in angles:
+        ground = terrain_surface(mountain_contours(1, INTERVAL), TerrainOptions(patches=PatchKind.GREGORY, angle=angle))
+        network = terrain_network(ground)
+        assert largest_angle(network, np.linspace(0.01, 0.99, 25)) < angle
+        sizes.append(sum(patch.control_net[..., 0].size for patch in network.patches))
+    assert sizes[0] < sizes[1]
+
+
+def test_heights_are_those_of_the_splines_that_the_kernel_gets(grounds):
+    ground = grounds[2]
+    inside = np.random.default_rng(0).uniform([10, 10], [590, 430], (400, 2))
+    heights, _ = elevations(ground, inside)
+    places = [
+        patch.point(np.random.default_rng(p).uniform(0.1, 0.9, (3, 2)))
+        for p, patch in enumerate(terrain_network(ground).patches)
+    ]
+    points = np.concatenate(places)
+    found, _ = elevations(ground, points[:, :2] + ground.origin)
+    assert np.isfinite(heights).all()
+    assert np.nanmax(np.abs(found - points[:, 2])) < 0.02 * INTERVAL
+
+
+def test_contours_of_the_ground_run_where_they_were_given(grounds):
+    given = mountain_contours(2, INTERVAL)
+    level = float(np.unique(given.heights)[2])
+    found = contours_at(grounds[2], [level])
+    assert distances_between(found, given).max() < 6.0
+
+
+@pytest.mark.parametrize("angle", [0.0, -1.0, np.nan, 91.0])
+def test_an_angle_has_to_be_one(angle):
+    with pytest.raises(BadOption, match="--angle"):
+        TerrainOptions(patches=PatchKind.GREGORY, angle=angle)
