@@ -36,7 +36,7 @@ WALL = 2.0  # height of the walls in border edges
 WALL_PASSES = 5  # more attempts where part of each goes into the walls
 SPARE = 4  # times the count to which all attempts share the way
 BLOCK = 25_000  # faces simplified at once
-THINNED, THINNING_PACE = 5, 5.0  # times the count that is left of all blocks, and the pace on the way there
+THINNED, THINNING_PACE = 8, 5.0  # times the count that is left of all blocks, and the pace on the way there
 
 
 class NoControlMesh(Refusal):

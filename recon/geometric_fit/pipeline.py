@@ -30,7 +30,7 @@ from recon.geometric_fit.foot_points import Feet, joined, nearest_feet, walk_fee
 from recon.geometric_fit.growth import Growth
 from recon.geometric_fit.guards import Guards, Strays, fairness
 from recon.geometric_fit.hole_filling import close_holes
-from recon.geometric_fit.initial_mesh import initial_mesh
+from recon.geometric_fit.initial_mesh import NoControlMesh, initial_mesh
 from recon.geometric_fit.options import FitOptions, FittedSurface
 from recon.geometric_fit.patch_rows import PatchColumns, patch_columns, patch_part
 from recon.geometric_fit.quad_mesh import initial_quads
@@ -53,6 +53,7 @@ Ints = NDArray[np.int64]
 
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
 RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
+FEWEST = 100  # control points at which no fewer are tried
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
 ROUNDS = 4  # before each refinement
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
@@ -182,11 +183,24 @@ class _Fit:
         scan = self._sharp.mesh
         angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
         mesh = with_creases(initial_mesh(scan, count), self._sharp, angle)
-        while n_loose_ends(mesh) > RAGGED * len(mesh.crease_edges) and count > 100 and not self._options.plain:
-            # the simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later
-            count = int(COARSER * count)
-            mesh = with_creases(initial_mesh(scan, count), self._sharp, angle)
+        if _is_ragged(mesh) and not self._options.plain:
+            mesh = self._less_ragged(count, angle) or initial_mesh(scan, count)
         return relaxed(mesh, scan) if len(mesh.crease_edges) else flip_to_even_valences(mesh)
+
+    def _less_ragged(self, count: int, angle: float) -> ControlMesh | None:
+        """A coarser mesh whose sharp edges are chains, if there are any in the end.
+
+        The simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later.
+        """
+        while count > FEWEST:
+            count = int(COARSER * count)
+            try:
+                mesh = with_creases(initial_mesh(self._sharp.mesh, count), self._sharp, angle)
+            except NoControlMesh:
+                return None
+            if not _is_ragged(mesh):
+                return mesh if len(mesh.crease_edges) else None
+        return mesh if len(mesh.crease_edges) else None
 
     def _fitted_triangles(self, count: int) -> ControlMesh:
         """The control mesh of a Loop surface: its points are where the error was, its valences even."""
@@ -343,6 +357,11 @@ class _Fit:
             folds=folds,
             n_closed=self._n_closed,
         )
+
+
+def _is_ragged(mesh: ControlMesh) -> bool:
+    """Whether many creases lead nowhere."""
+    return n_loose_ends(mesh) > RAGGED * len(mesh.crease_edges)
 
 
 def _faces(mesh: ControlMesh) -> Ints:
