@@ -57,7 +57,8 @@ FEWEST = 100  # control points at which no fewer are tried
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
 ROUNDS = 4  # before each refinement
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
-FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the data's
+FAIRNESS, LEAST_FAIRNESS = 1e-3, 1.5e-4  # weight of the control mesh's own energy, as a share of the data's
+CALMER = 0.8  # times as much of it from round to round
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
 EASING = 1.4  # times less stiff a round where it would not
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
@@ -232,22 +233,20 @@ class _Fit:
         points = unfolded(mesh, guards)[0].vertices
         feet = nearest_feet(patches, patches.points @ points, scan.points, step=1e-5)
         distance = row_distances(feet.positions, scan.points)
-        usual = FAIRNESS * scan.n_measured / mesh.n_vertices
-        stiffness = np.full(mesh.n_vertices, usual)
-        energy, updater = fairness(mesh, stiffness), Updater(self._options.update)
+        stiffer, updater = np.ones(mesh.n_vertices), Updater(self._options.update)
         strays: Strays | None = None
         best, number_of_best = ((mesh.n_vertices + 1, np.inf), points, feet.places()), -1
         for number in range(n_rounds):
             if number % 2 == 0 or strays is None:
                 strays = guards.strays(points, STRAY * float(np.sqrt(np.mean(distance[: scan.n_measured] ** 2))))
+            energy = fairness(mesh, stiffer * self._fairness() * scan.n_measured / mesh.n_vertices)
             more = self._more(patches, (points, feet), (strays, borders.pull(points)))
             new = updater.moved(points, self._pull(ground, columns, feet, more, energy))
             step = stepped(guards, points, new)
             points = step.points
             if step.folding.any():
-                eased = np.maximum(stiffness / EASING, usual)
-                stiffness = np.where(step.folding, np.minimum(STIFFER * stiffness, STIFFEST * usual), eased)
-                energy = fairness(mesh, stiffness)
+                eased = np.maximum(stiffer / EASING, 1.0)
+                stiffer = np.where(step.folding, np.minimum(STIFFER * stiffer, STIFFEST), eased)
             placed = patches.points @ points
             walk_on(patches, placed, scan.points, feet)
             feet = borders.hopped(placed, scan.points, feet)
@@ -262,6 +261,10 @@ class _Fit:
         if number_of_best < n_rounds - 1:
             points, feet = best[1], walk_feet(patches, patches.points @ best[1], scan.points, best[2])
         return ground._replace(mesh=mesh.with_vertices(points)), feet
+
+    def _fairness(self) -> float:
+        """Less from round to round: what keeps the first rounds calm only keeps the last ones from the data."""
+        return max(FAIRNESS * CALMER ** len(self._record), LEAST_FAIRNESS)
 
     def _distances(self, feet: Feet) -> Floats:
         """(N,) of the measured points."""
