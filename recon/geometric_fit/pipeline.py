@@ -36,7 +36,7 @@ from recon.geometric_fit.patch_rows import PatchColumns, patch_columns, patch_pa
 from recon.geometric_fit.quad_mesh import initial_quads
 from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
 from recon.geometric_fit.relaxation import relaxed
-from recon.geometric_fit.reweighting import reweighed
+from recon.geometric_fit.reweighting import GENTLE, STEEP, reweighed
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
 from recon.geometric_fit.sharpening import SharpScan, sharpened
 from recon.geometric_fit.updates import METRICS, PatchPull, Pull, Updater, rows_for
@@ -61,6 +61,7 @@ FAIRNESS, LEAST_FAIRNESS = 1e-3, 1.5e-4  # weight of the control mesh's own ener
 CALMER = 0.8  # times as much of it from round to round
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
 EASING = 1.4  # times less stiff a round where it would not
+WORSE, SHORTENINGS = 1.5, 3  # times the rms error after which a step is halved, and how often
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
 FEWER = (1.0, 0.95, 0.9, 0.85, 0.8)  # of the control points asked for, where a surface with sharp edges folds
 FOLD_COST = 3.0  # times the error: what a fit that folds must be better by than one that does not
@@ -238,26 +239,33 @@ class _Fit:
         best, number_of_best = ((mesh.n_vertices + 1, np.inf), points, feet.places()), -1
         for number in range(n_rounds):
             if number % 2 == 0 or strays is None:
-                strays = guards.strays(points, STRAY * float(np.sqrt(np.mean(distance[: scan.n_measured] ** 2))))
+                strays = guards.strays(points, STRAY * self._rms(distance))
             energy = fairness(mesh, stiffer * self._fairness() * scan.n_measured / mesh.n_vertices)
             more = self._more(patches, (points, feet), (strays, borders.pull(points)))
             new = updater.moved(points, self._pull(ground, columns, feet, more, energy))
             step = stepped(guards, points, new)
-            points = step.points
             if step.folding.any():
                 eased = np.maximum(stiffer / EASING, 1.0)
                 stiffer = np.where(step.folding, np.minimum(STIFFER * stiffer, STIFFEST), eased)
-            placed = patches.points @ points
-            walk_on(patches, placed, scan.points, feet)
-            feet = borders.hopped(placed, scan.points, feet)
-            distance = row_distances(feet.positions, scan.points)
+            old, before = points, self._rms(distance)
+            for halving in range(SHORTENINGS + 1):
+                if halving:  # points slid away along the surface, as they may at a border
+                    step = stepped(guards, old, 0.5 * (old + points))
+                points = step.points
+                placed = patches.points @ points
+                walk_on(patches, placed, scan.points, feet)
+                feet = borders.hopped(placed, scan.points, feet)
+                distance = row_distances(feet.positions, scan.points)
+                if self._rms(distance) <= WORSE * before:
+                    break
             errors = self._note(mesh, distance)
             # the largest error jumps from round to round where the scan has two sheets close together
             merit = (int(step.folded.sum()), errors.rms * errors.maximum)
             if merit <= best[0]:
                 best, number_of_best = (merit, points, feet.places()), number
             if cycle > 0 or self._options.robust:
-                self._weights = reweighed(self._weights, scan, distance, robust=self._options.robust)
+                growth = GENTLE if scan.is_open else STEEP
+                self._weights = reweighed(self._weights, scan, distance, growth, robust=self._options.robust)
         if number_of_best < n_rounds - 1:
             points, feet = best[1], walk_feet(patches, patches.points @ best[1], scan.points, best[2])
         return ground._replace(mesh=mesh.with_vertices(points)), feet
@@ -265,6 +273,9 @@ class _Fit:
     def _fairness(self) -> float:
         """Less from round to round: what keeps the first rounds calm only keeps the last ones from the data."""
         return max(FAIRNESS * CALMER ** len(self._record), LEAST_FAIRNESS)
+
+    def _rms(self, distance: Floats) -> float:
+        return float(np.sqrt(np.mean(distance[: self._scan.n_measured] ** 2)))
 
     def _distances(self, feet: Feet) -> Floats:
         """(N,) of the measured points."""

@@ -40,7 +40,9 @@ def test_a_grid_becomes_a_closed_solid_in_metres(hill, tmp_path):
 
 def test_gregory_patches_become_a_closed_solid_at_the_promised_angle(hill, tmp_path):
     out = tmp_path / "hill.step"
-    answer = run(hill[0], "--interval", 10, "--patches", "gregory", "--angle", 0.05, "-o", out, "--allow-open", "--json")
+    answer = run(
+        hill[0], "--interval", 10, "--patches", "gregory", "--angle", 0.05, "-o", out, "--allow-open", "--json"
+    )
     result = json.loads(answer.stdout)
     assert result["reasons"] == []
     assert result["kernel"]["max_edge_angle_deg"] < 0.05
