@@ -41,7 +41,12 @@ def exact_distances(patches: LimitPatches, borders: Borders, points: Floats, dat
         piece = np.arange(first, min(first + PIECE, len(data)))
         to = data[piece]
         step = EXACT * whole / max(float(np.linalg.norm(np.ptp(to, axis=0))), 1e-300)
-        found[piece] = np.minimum(distances(to, warm.chosen(piece), step), distances(to, seed_feet(samples, to), step))
+        at, seeds = warm.chosen(piece), seed_feet(samples, to)
+        found[piece] = distances(to, at, step)
+        # a walk from the patch where the foot is leads to the foot
+        elsewhere = np.flatnonzero(seeds.patch != at.patch)
+        again = distances(to[elsewhere], seeds.chosen(elsewhere), step)
+        found[piece[elsewhere]] = np.minimum(found[piece[elsewhere]], again)
     far = np.flatnonzero(found > FAR * np.sqrt(np.mean(found**2)))
     if len(far):
         to = np.tile(data[far], (MORE_STARTS, 1))
