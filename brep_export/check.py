@@ -62,9 +62,12 @@ Point = tuple[float, float, float]
 
 # what each line of the gate says of a shape that passes it, and the beginnings of the codes of its defects
 LINES = (
-    ("every shell is closed and in one piece", ("shell-", "no-", "not-a-", "beside-solids", "kernel-failure")),
+    ("every shell is closed and in one piece", ("shell-", "no-", "not-a", "beside-solids", "kernel-failure")),
     ("every edge is used twice, in opposite directions", ("edge-overused", "face-flipped", "free-edge")),
-    ("the kernel's check passes, and tolerances cover the gaps", ("kernel-invalid", "edge-gap", "vertex-gap", "toler")),
+    (
+        "the kernel's check passes, tolerances cover the gaps, and smooth edges are smooth",
+        ("kernel-invalid", "edge-gap", "vertex-gap", "toler", "edge-angle"),
+    ),
     ("the triangles close and do not cut each other", ("face-without-triangles", "mesh-", "self-intersection")),
     ("the volume is positive, and the triangles agree", ("inside-out", "volume-mismatch")),
     ("the point at infinity is outside", ("infinity-",)),

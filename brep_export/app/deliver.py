@@ -46,6 +46,7 @@ class Parcel:
     colours           (V, 4) of the vertices of the report's triangles, for the formats that hold them
     measured          what the shape was made from, for the page's view; made only where a page is asked for
     title             what the view calls the shape
+    sheets            further pictures for the page
     """
 
     shape: TopoDS_Shape
@@ -57,6 +58,7 @@ class Parcel:
     colours: NDArray[np.uint8] | None = None
     measured: Callable[[], Measured] = Measured
     title: str = "result"
+    sheets: Sequence[Painter] = ()
 
     @property
     def others(self) -> dict[str, Painter]:
@@ -86,6 +88,7 @@ def write_files(
     beside: Mapping[str, Painter] | None = None,
     colours: NDArray[np.uint8] | None = None,
     measured: Callable[[], Measured] = Measured,
+    sheets: Sequence[Painter] = (),
 ) -> Delivery:
     """Write every output that was asked for, and the picture; nothing when the gate refused and nobody forced it.
 
@@ -93,11 +96,12 @@ def write_files(
     beside   further files of the same result, each with what writes it
     colours  (V, 4) of the vertices of the report's triangles, for the formats that hold them
     measured  what the shape was made from, for the page's view
+    sheets   further pictures for the page
     Returns  the report with the read-back line added, and the paths written
     Raises   NotWritten.
     """
     picture = request.get("picture")
-    parcel = Parcel(shape, report, request["outputs"], picture, paint, beside or {}, colours, measured)
+    parcel = Parcel(shape, report, request["outputs"], picture, paint, beside or {}, colours, measured, sheets=sheets)
     return write_parcels([parcel], request, bench)[0]
 
 
@@ -108,7 +112,7 @@ def write_parcels(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: 
     """
     accepted = all(parcel.report.passed for parcel in parcels) or request.get("force")
     delivered = _written(parcels, request, bench) if accepted else [(parcel.report, []) for parcel in parcels]
-    painters = [parcel.painter() for parcel in parcels]
+    painters = [paint for parcel in parcels for paint in (parcel.painter(), *parcel.sheets)]
     exhibit(request, bench, lambda: [part for parcel in parcels for part in parcel.scene()], painters)
     return delivered
 

@@ -30,11 +30,12 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
 
     command  as the user typed it
     job      `module:function`, see workshop.run
-    options  the command's parameters by name; as_json, quiet, timeout and dry_run are for the front desk, the rest for
-             the job
+    options  the command's parameters by name, and under `usual` those that many commands take; as_json, quiet, timeout
+             and dry_run are for the front desk, the rest for the job
     fixed    what the command itself adds for its job
     """
-    request = {key: _plain(value) for key, value in {**options, **fixed}.items()}
+    request = {key: _plain(value) for key, value in {**options, **options.get("usual", {}), **fixed}.items()}
+    request.pop("usual", None)
     request["inputs"], request["outputs"] = _listed(request["inputs"]), _listed(request["outputs"])
     as_json, quiet, timeout = request.pop("as_json"), request.pop("quiet"), request.pop("timeout")
     dry_run = request.pop("dry_run")

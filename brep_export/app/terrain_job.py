@@ -24,8 +24,9 @@ from recon.geometry.contour_map import ContourMap, HeightGrid
 from recon.geometry.patches import PatchNetwork
 from recon.readers.contours import CONTOUR_ENDINGS, read_contours
 from recon.readers.height_grids import GRID_ENDINGS, read_height_grid
-from recon.terrain.clipping import clip_to_box
-from recon.terrain.contouring import contour_grid, contour_levels
+from recon.readers.map_polygons import POLYGON_ENDINGS, read_polygon
+from recon.terrain.clipping import clip_to_box, clip_to_polygon
+from recon.terrain.contouring import contour_grid, contour_levels, largest_piece
 from recon.terrain.evaluation import contour_distances, distances_between, edge_angles, elevations
 from recon.terrain.network import stretched, terrain_network
 from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_surface
@@ -40,6 +41,7 @@ Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 LINES_ENDING = ".geojson"
 TOLERANCE = Tolerance(merge=1e-5, fit=0.01)
 
+MOST_COARSE, PICTURE_SAG = 100_000, 1e-4  # triangles, and their distance from the faces in diagonals of the shape
 MOST_PLACES, GRID_COLOUR = 30_000, "#b98d66"  # of a grid in the page's view
 
 
@@ -47,8 +49,8 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the map, make the ground, close it if asked, prove it, write it."""
     _check_request(request)
     with bench.phase("read", "reading the map"):
-        contours = _clipped(_read(request), request["clip"])
-        against = None if request["against"] is None else read_height_grid(request["against"])
+        contours = _clipped(_read(request, bench), request["clip"])
+        against = _against(request)
     with bench.phase("reconstruct", "following the contours"):
         options = _options(request)
         ground = terrain_surface(contours, options, doing=bench.doing)
@@ -68,9 +70,10 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         report,
         dict(request) | {"name": request["name"] or "terrain", "outputs": _shape_files(request)},
         bench,
-        paint=partial(_paint, report),
+        paint=partial(_paint, shape, report),
         beside=beside,
         measured=partial(_measured, contours, ground, against, _stretch(request)),
+        sheets=[partial(_draw_map, contours, ground, against)],
     )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
@@ -118,30 +121,44 @@ def _sidecar(path: str) -> str:
     return f"{path}.json"
 
 
-def _read(request: Mapping[str, Any]) -> ContourMap:
+def _read(request: Mapping[str, Any], bench: Bench) -> ContourMap:
     path = request["inputs"][0]
     if Path(path).suffix.lower() in GRID_ENDINGS:
         if request["interval"] is None:
             raise BadOption("--interval", f"{path} is a grid; say at which interval in metres to contour it")
         if request["unit"] not in (None, "m"):
             raise BadOption("--unit", f"{path} is a grid, which is read in metres; convert it first")
-        return contour_grid(read_height_grid(path), request["interval"])
+        grid, lost = largest_piece(read_height_grid(path, project=request["project"]))
+        if lost:
+            bench.note(
+                f"{lost} heights that voids cut off from the largest piece of the grid are left out.", name="ground"
+            )
+        return contour_grid(grid, request["interval"])
     if request["interval"] is not None:
         raise BadOption(
             "--interval", f"{path} holds contours already; only a grid ({' '.join(GRID_ENDINGS)}) is contoured"
         )
     if Path(path).suffix.lower() not in CONTOUR_ENDINGS:
         raise BadOption("contours", f"{path}: give {' '.join(CONTOUR_ENDINGS)}, or a grid {' '.join(GRID_ENDINGS)}")
-    return read_contours(path, attribute=request["attribute"], unit=request["unit"])
+    told = {name: request[name] for name in ("attribute", "unit", "break_lines", "project")}
+    return read_contours(path, **told)
+
+
+def _against(request: Mapping[str, Any]) -> HeightGrid | None:
+    return None if request["against"] is None else read_height_grid(request["against"], project=request["project"])
 
 
 def _clipped(contours: ContourMap, clip: str | None) -> ContourMap:
     if clip is None:
         return contours
+    if Path(clip).suffix.lower() in POLYGON_ENDINGS:
+        return clip_to_polygon(contours, read_polygon(clip))
     try:
         box = np.array([float(word) for word in clip.split(",")]).reshape(2, 2)
     except ValueError as problem:
-        raise BadOption("--clip", f"give four numbers, west,south,east,north, not {clip!r}") from problem
+        raise BadOption(
+            "--clip", f"give four numbers, west,south,east,north, or a GeoJSON file of a polygon, not {clip!r}"
+        ) from problem
     return clip_to_box(contours, box)
 
 
@@ -164,7 +181,7 @@ def _to_be_cut(
     added = None if (contours.heights == level).any() else contours_at(ground, [level])
     if added is not None:
         heights = [*contours.heights.tolist(), *added.heights.tolist()]
-        contours = ContourMap([*contours.lines, *added.lines], heights, contours.extent, contours.crs)
+        contours = contours.with_lines([*contours.lines, *added.lines], heights)
     bench.doing("cutting at the base")
     options = replace(options, tolerance=ground.tolerance, mend=False)
     return terrain_surface(contours, options, floor=level, doing=bench.doing)
@@ -250,8 +267,10 @@ def _figures(contours: ContourMap, ground: Terrain, against: HeightGrid | None) 
     free = len(ground.tiling.points) - ground.tiling.curves.n_vertices
     figures: dict[str, Any] = {
         "contours": len(contours.lines),
+        "voids": len(contours.voids),
         "vertices": ground.tiling.curves.n_vertices,
-        "free_vertices": free,
+        "free_vertices": free - len(ground.tiling.spots),
+        "spot_heights": len(ground.tiling.spots),
         "quads": int((~ground.layout.is_triangle).sum()),
         "sleeves": int((sides == 1).sum()),
         "terminals": int((sides == 2).sum()),
@@ -306,10 +325,21 @@ def _placed(places: NDArray[np.float64], height: Any, ground: Terrain, stretch: 
     return np.column_stack([places - ground.origin, np.broadcast_to(height, len(places))]) * stretch
 
 
-def _paint(report: CheckReport, path: Path) -> None:
-    from brep_export.app.pictures import CLAY, Part, View, draw
+def _draw_map(contours: ContourMap, ground: Terrain, against: HeightGrid | None, path: Path) -> None:
+    from brep_export.app.terrain_map import draw_map
 
-    ground = Part(report.triangles(), CLAY[0], smooth=False)
+    draw_map(path, contours, ground, against)
+
+
+def _paint(shape: TopoDS_Shape, report: CheckReport, path: Path) -> None:
+    """In raking light chords a metre off a face look like creases: small grounds are cut finer than for the gate."""
+    from brep_export.app.pictures import CLAY, Part, View, draw
+    from brep_export.triangulation import triangulate
+
+    mesh = report.triangles()
+    if mesh.n_faces < MOST_COARSE:
+        mesh = triangulate(shape, PICTURE_SAG * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0))), angle=0.2).mesh
+    ground = Part(mesh, CLAY[0])
     draw(
         path, [View("from the south", (ground,), (0.3, -1.4, 0.9)), View("raking light", (ground,), (-1.6, -0.4, 0.35))]
     )

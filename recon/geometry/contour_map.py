@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from recon.errors import BadGeometry
@@ -22,16 +23,29 @@ class ContourMap:
     heights  (C,) in metres
     extent   (2, 2) lower left and upper right corner of the map; the lines' own bounding box when None
     crs      name of the coordinate reference system, as the file gives it, or an empty text
+    spots    (s, 3) places between the contours whose height is known
+    voids    rings (n, 2), n >= 4, their first point repeated at the end, within which nothing was measured
+    outline  the ring round the map; the rectangle of its extent when None
     Raises  BadGeometry.
     """
 
     lines: tuple[Floats, ...]
     heights: Floats
     extent: Floats
-    crs: str = ""
+    crs: str
+    spots: Floats
+    voids: tuple[Floats, ...]
+    outline: Floats
 
     def __init__(
-        self, lines: Sequence[ArrayLike], heights: ArrayLike, extent: ArrayLike | None = None, crs: str = ""
+        self,
+        lines: Sequence[ArrayLike],
+        heights: ArrayLike,
+        extent: ArrayLike | None = None,
+        crs: str = "",
+        spots: ArrayLike | None = None,
+        voids: Sequence[ArrayLike] = (),
+        outline: ArrayLike | None = None,
     ) -> None:
         frozen = tuple(frozen_floats(line, (None, 2), f"contour {i}") for i, line in enumerate(lines))
         if not frozen:
@@ -40,12 +54,17 @@ class ContourMap:
         if short is not None:
             raise BadGeometry("contour map", f"contour {short} has one vertex only")
         if extent is None:
-            points = np.concatenate(frozen)
+            points = np.concatenate(frozen) if outline is None else np.asarray(outline, dtype=np.float64)
             extent = np.array([points.min(axis=0), points.max(axis=0)])
         object.__setattr__(self, "lines", frozen)
         object.__setattr__(self, "heights", frozen_floats(heights, (len(frozen),), "contour map: heights"))
         object.__setattr__(self, "extent", frozen_floats(extent, (2, 2), "contour map: extent"))
         object.__setattr__(self, "crs", crs)
+        spots = np.empty((0, 3)) if spots is None else spots
+        object.__setattr__(self, "spots", frozen_floats(spots, (None, 3), "contour map: spots"))
+        object.__setattr__(self, "voids", tuple(_ring(ring, f"void {i}") for i, ring in enumerate(voids)))
+        around = _rectangle(*self.extent) if outline is None else _ring(outline, "outline")
+        object.__setattr__(self, "outline", around)
 
     @property
     def n_points(self) -> int:
@@ -60,7 +79,46 @@ class ContourMap:
     def moved(self, origin: ArrayLike) -> "ContourMap":
         """The same map with `origin` (2,) at (0, 0)."""
         to = np.asarray(origin, dtype=np.float64)
-        return ContourMap([line - to for line in self.lines], self.heights, self.extent - to, self.crs)
+        return ContourMap(
+            [line - to for line in self.lines],
+            self.heights,
+            self.extent - to,
+            self.crs,
+            self.spots - np.r_[to, 0.0],
+            [ring - to for ring in self.voids],
+            self.outline - to,
+        )
+
+    def with_lines(self, lines: Sequence[ArrayLike], heights: ArrayLike) -> "ContourMap":
+        """The same map with other contours."""
+        return ContourMap(lines, heights, self.extent, self.crs, self.spots, self.voids, self.outline)
+
+    def with_spots(self, spots: ArrayLike) -> "ContourMap":
+        """The same map with other spot heights."""
+        return ContourMap(self.lines, self.heights, self.extent, self.crs, spots, self.voids, self.outline)
+
+    def sides(self) -> Floats:
+        """(n, 2, 2) straight pieces of the border, those of voids too."""
+        return np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in (self.outline, *self.voids)])
+
+    def holds(self, places: Floats) -> NDArray[np.bool_]:
+        """(m,) whether places (m, 2) lie inside the map, and in no void."""
+        inside = shapely.contains_xy(shapely.Polygon(self.outline), places[:, 0], places[:, 1])
+        for ring in self.voids:
+            inside &= ~shapely.contains_xy(shapely.Polygon(ring), places[:, 0], places[:, 1])
+        return np.asarray(inside)
+
+
+def _ring(points: ArrayLike, what: str) -> Floats:
+    ring = frozen_floats(points, (None, 2), what)
+    if len(ring) < 4 or (ring[0] != ring[-1]).any() or not shapely.Polygon(ring).is_valid:
+        raise BadGeometry(what, "is no closed ring that keeps clear of itself")
+    return ring
+
+
+def _rectangle(low: Floats, high: Floats) -> Floats:
+    (x0, y0), (x1, y1) = low, high
+    return frozen_floats([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]], (5, 2), "contour map: extent")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +149,11 @@ class HeightGrid:
             raise BadGeometry("grid", "holds no height at all")
         heights.setflags(write=False)
         object.__setattr__(self, "heights", heights)
+
+    def known_cells(self) -> NDArray[np.bool_]:
+        """(ny - 1, nx - 1) cells whose four corners hold a height."""
+        known = np.isfinite(self.heights)
+        return np.asarray(known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1])
 
     def places(self) -> tuple[Floats, Floats]:
         """(m, 2) places at which a height was measured, and the (m,) heights."""

@@ -1,4 +1,4 @@
-"""Height grids from files: ESRI ASCII (.asc), JSON rows (.json), GeoTIFF (.tif, with the extra `gis`).
+"""Height grids from files: ESRI ASCII (.asc), JSON rows (.json); GeoTIFF (.tif) and SRTM tiles (.hgt), extra `gis`.
 
 JSON  {"width": nx, "height": ny, "values": [...]} row by row, north to south; "cell" metres between neighbours, else 10
 """
@@ -12,23 +12,27 @@ from numpy.typing import NDArray
 from recon.errors import ReconError, UnreadableFile
 from recon.geometry.contour_map import HeightGrid
 from recon.readers.content import file_bytes, file_text, require_plain_file
+from recon.readers.projection import IN_DEGREES, in_utm_grid, require_rasterio
 
 __all__ = ["GRID_ENDINGS", "read_height_grid"]
 
 Floats = NDArray[np.float64]
 
-GRID_ENDINGS = (".asc", ".json", ".tif", ".tiff")
+GRID_ENDINGS = (".asc", ".json", ".tif", ".tiff", ".hgt")
 CELL = 10.0
 
 
-def read_height_grid(path: str | Path) -> HeightGrid:
+def read_height_grid(path: str | Path, *, project: bool = False) -> HeightGrid:
     """Height grid of a file; heights count at the middle of cells.
 
-    Raises  UnreadableFile, UnsupportedFormat, BadGeometry.
+    project  bring grids in degrees to the metres of their UTM zone, where they are refused else
+    Raises   UnreadableFile, UnsupportedFormat, BadGeometry.
     """
     file = require_plain_file(path, GRID_ENDINGS)
     try:
-        return {".asc": _ascii, ".json": _json}.get(file.suffix.lower(), _geotiff)(file)
+        if file.suffix.lower() in (".asc", ".json"):
+            return _ascii(file) if file.suffix.lower() == ".asc" else _json(file)
+        return _raster(file, project=project)
     except ReconError:
         raise
     except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError, RecursionError) as problem:
@@ -59,21 +63,21 @@ def _ascii(path: Path) -> HeightGrid:
     return HeightGrid(x, y, values)
 
 
-def _geotiff(path: Path) -> HeightGrid:
-    try:
-        import rasterio
-    except ImportError as problem:
-        raise UnreadableFile(str(path), "needs rasterio", "Install recon-brep[gis]") from problem
+def _raster(path: Path, *, project: bool) -> HeightGrid:
+    rasterio = require_rasterio(str(path))
     try:
         with rasterio.open(path) as source:
             band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
             way, crs = source.transform, source.crs
     except rasterio.errors.RasterioError as problem:
-        raise UnreadableFile(str(path), f"is no GeoTIFF ({problem})") from problem
+        raise UnreadableFile(str(path), f"is no grid that rasterio reads ({problem})") from problem
     if way.b or way.d or way.e >= 0:
         raise UnreadableFile(str(path), "is turned or stands on its head", "Resample it to a grid with north up")
+    label = "" if crs is None else crs.to_string()
     if crs is not None and crs.is_geographic:
-        raise UnreadableFile(str(path), "has coordinates in degrees", "Project it to metres first, for example to UTM")
+        if not project:
+            raise UnreadableFile(str(path), "has coordinates in degrees", IN_DEGREES)
+        band, way, label = in_utm_grid(band, way, crs, str(path))
     ny, nx = band.shape
     x, y = way.c + way.a * (np.arange(nx) + 0.5), way.f + way.e * (np.arange(ny)[::-1] + 0.5)
-    return HeightGrid(x, y, band[::-1], "" if crs is None else crs.to_string())
+    return HeightGrid(x, y, band[::-1], label)

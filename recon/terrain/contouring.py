@@ -4,14 +4,17 @@ from collections.abc import Sequence
 
 import contourpy
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap, HeightGrid
 
-__all__ = ["contour_grid", "contour_levels"]
+__all__ = ["contour_grid", "contour_levels", "largest_piece"]
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 CLEAR = 0.1  # of the steepest step to a neighbour: no nearer to a level may a height be, or contours meet at the place
 
@@ -19,23 +22,73 @@ CLEAR = 0.1  # of the steepest step to a neighbour: no nearer to a level may a h
 def contour_grid(grid: HeightGrid, interval: float) -> ContourMap:
     """Contours of a grid at whole multiples of `interval` metres.
 
-    Raises  BadOption when the interval is not positive or no contour results; BadGeometry when the grid has voids.
+    Raises  BadOption when the interval is not positive or no contour results; BadGeometry when voids cut the grid in
+            pieces (see `largest_piece`).
     """
     if not 0 < interval < np.inf:
         raise BadOption("--interval", f"must be a positive height in metres, not {interval}")
-    z = grid.heights
-    if np.isnan(z).any():
-        j, i = (int(k) for k in np.argwhere(np.isnan(z))[0])
-        raise BadGeometry(
-            "grid", f"{int(np.isnan(z).sum())} cells hold no height, the first at ({grid.x[i]:.1f}, {grid.y[j]:.1f})"
-        )
+    grid = _cropped(_without_pinches(grid))
+    z, known = grid.heights, grid.known_cells()
+    n_pieces = label(known)[1]
+    if n_pieces != 1:
+        raise BadGeometry("grid", f"voids cut it in {n_pieces} pieces: give one of them")
     first, last = np.floor(np.nanmin(z) / interval) + 1, np.ceil(np.nanmax(z) / interval) - 1
     contours = contour_levels(grid, (interval * np.arange(first, last + 1)).tolist())
     if contours is None:
         raise BadOption(
             "--interval", f"{interval:g} m gives no contour between {np.nanmin(z):g} and {np.nanmax(z):g} m"
         )
-    return contours
+    return ContourMap(contours.lines, contours.heights, contours.extent, contours.crs, voids=_void_rings(grid, ~known))
+
+
+def largest_piece(grid: HeightGrid) -> tuple[HeightGrid, int]:
+    """The grid without what voids cut off from its largest piece, and how many heights are lost so.
+
+    Raises  BadGeometry when no four neighbouring heights are known.
+    """
+    before, grid = grid, _without_pinches(grid)
+    known = grid.known_cells()
+    if not known.any():
+        raise BadGeometry("grid", "has no cell with a height at all four corners")
+    pieces, n_pieces = label(known)
+    kept = pieces == 1 + np.argmax(np.bincount(pieces[known], minlength=n_pieces + 1)[1:])
+    corner = np.zeros(grid.heights.shape, dtype=bool)
+    for rows in (slice(None, -1), slice(1, None)):
+        for columns in (slice(None, -1), slice(1, None)):
+            corner[rows, columns] |= kept
+    heights = np.where(corner, grid.heights, np.nan)
+    lost = int((np.isfinite(before.heights) & np.isnan(heights)).sum())
+    return HeightGrid(grid.x, grid.y, heights, grid.crs), lost
+
+
+def _cropped(grid: HeightGrid) -> HeightGrid:
+    """The grid without rows and columns at its sides where no cell has heights at all corners: no void surrounds it."""
+    cells = grid.known_cells()
+    if cells.all() or not cells.any():
+        return grid
+    rows, columns = (np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0))
+    j, i = slice(rows[0], rows[-1] + 2), slice(columns[0], columns[-1] + 2)
+    return HeightGrid(grid.x[i], grid.y[j], grid.heights[j, i], grid.crs)
+
+
+def _without_pinches(grid: HeightGrid) -> HeightGrid:
+    """The grid without heights at which two known cells meet in a corner alone: there two borders would touch."""
+    heights = grid.heights.copy()
+    while True:
+        known = HeightGrid(grid.x, grid.y, heights).known_cells()
+        a, b, c, d = known[:-1, :-1], known[:-1, 1:], known[1:, :-1], known[1:, 1:]
+        pinched = (a & d & ~b & ~c) | (b & c & ~a & ~d)
+        if not pinched.any():
+            return HeightGrid(grid.x, grid.y, heights, grid.crs)
+        heights[1:-1, 1:-1][pinched] = np.nan
+
+
+def _void_rings(grid: HeightGrid, void: Flags) -> list[Floats]:
+    """Rings round the void cells, along grid lines."""
+    rows, columns = np.nonzero(void)
+    cells = shapely.box(grid.x[columns], grid.y[rows], grid.x[columns + 1], grid.y[rows + 1])
+    parts = shapely.get_parts(shapely.union_all(cells))
+    return [shapely.get_coordinates(shapely.simplify(part, 0.0).exterior) for part in parts]
 
 
 def contour_levels(grid: HeightGrid, levels: Sequence[float]) -> ContourMap | None:
@@ -45,7 +98,9 @@ def contour_levels(grid: HeightGrid, levels: Sequence[float]) -> ContourMap | No
     no contour by more than a tenth of a cell.
     """
     masked = np.ma.masked_invalid(_off_levels(grid.heights, np.asarray(levels, dtype=np.float64)))
-    maker = contourpy.contour_generator(grid.x, grid.y, masked, line_type=contourpy.LineType.Separate)
+    maker = contourpy.contour_generator(
+        grid.x, grid.y, masked, line_type=contourpy.LineType.Separate, corner_mask=False
+    )
     lines, heights = [], []
     for level in levels:
         for line in maker.lines(level):

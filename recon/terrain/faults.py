@@ -34,7 +34,7 @@ def checked_contours(contours: ContourMap, tolerance: float, *, mend: bool) -> t
     if ends:
         notes.append(f"{len(ends)} ends of contours break off inside the map: {_listed(ends)}")
     part = [contours.lines[i] for i in kept.tolist()]
-    return ContourMap(part, contours.heights[kept], contours.extent, contours.crs), tuple(notes)
+    return contours.with_lines(part, contours.heights[kept]), tuple(notes)
 
 
 def _owners(contours: ContourMap) -> NDArray[np.int64]:
@@ -70,7 +70,8 @@ def _loose_ends(contours: ContourMap, number: int, tolerance: float) -> list[Flo
     line = contours.lines[number]
     if (line[0] == line[-1]).all():
         return []
-    return [end for end in (line[0], line[-1]) if np.abs(contours.extent - end).min() > tolerance]
+    border = shapely.MultiLineString([contours.outline, *contours.voids])
+    return [end for end in (line[0], line[-1]) if border.distance(shapely.Point(end)) > tolerance]
 
 
 def _at(place: Floats) -> str:

@@ -51,12 +51,26 @@ def levels(tiling: Tiling, interval: float) -> Levels:
         np.minimum.at(low, strip[faces[:, side]], z)
         np.maximum.at(high, strip[faces[:, side]], z)
     ended = low >= high
+    level = low
     low, high = _continued((low, high), ended, (strip[faces], z), interval)
+    lowest, highest = _spot_range(tiling, strip, n_strips)
+    told = ended & (lowest <= highest)
+    low, high = np.where(told, np.fmin(level, lowest), low), np.where(told, np.fmax(level, highest), high)
     middle = (low + high) / 2
     rise = np.sign(middle[strip[faces[:, 0]]] - middle[strip[faces[:, 1]]])
     total = np.zeros(tiling.curves.n_vertices)
     np.add.at(total, tiling.edges[beside].ravel(), np.repeat(rise, 2))
     return Levels(strip.astype(np.int64), low, high, ended, np.sign(total))
+
+
+def _spot_range(tiling: Tiling, strip: Ints, n_strips: int) -> tuple[Floats, Floats]:
+    """(S,) lowest and highest spot height in every strip; inf and -inf where it has none."""
+    face, corner = np.nonzero(tiling.triangles >= len(tiling.points) - len(tiling.spots))
+    height = tiling.vertex_heights()[tiling.triangles[face, corner]]
+    lowest, highest = np.full(n_strips, np.inf), np.full(n_strips, -np.inf)
+    np.minimum.at(lowest, strip[face], height)
+    np.maximum.at(highest, strip[face], height)
+    return lowest, highest
 
 
 def _continued(

@@ -64,7 +64,7 @@ def excess(low: Floats, high: Floats, parts: Sequence[PatchGroup]) -> Floats:
     """(P,) metres by which the given patches leave the heights low to high (P,), on a grid of samples; others 0."""
     out = np.zeros(len(low))
     for part in parts:
-        values = part.grid(SAMPLES)[..., 2]
+        values = part.heights(SAMPLES)
         top, bottom = values.max(axis=(1, 2)), values.min(axis=(1, 2))
         out[part.rows] = np.maximum(top - high[part.rows], low[part.rows] - bottom)
     return out

@@ -33,6 +33,10 @@ class PatchGroup(ABC):
     def grid(self, t: Floats) -> Floats:
         """(n, k, k, 3) points of every patch at the parameters t (k,) in u and v."""
 
+    def heights(self, t: Floats) -> Floats:
+        """(n, k, k) heights of the same points."""
+        return self.grid(t)[..., 2]
+
     @abstractmethod
     def normals(self, u: Floats, v: Floats) -> Floats:
         """(n, m, 3) unit normals of every patch at m parameters."""

@@ -73,6 +73,9 @@ class PatchNets(PatchGroup):
         value = bernstein(self.degree, t) @ self.nets.transpose(0, 3, 1, 2) @ bernstein(DEGREE_V, t).T
         return np.asarray(value.transpose(0, 2, 3, 1))
 
+    def heights(self, t: Floats) -> Floats:
+        return np.asarray(bernstein(self.degree, t) @ self.nets[..., 2] @ bernstein(DEGREE_V, t).T)
+
     def normals(self, u: Floats, v: Floats) -> Floats:
         bu, bv, du, dv = self._basis(u, v)
         along = [np.einsum("mi,nijd,mj->nmd", a, self.nets, b, optimize=True) for a, b in ((du, bv), (bu, dv))]

@@ -32,7 +32,8 @@ from recon.terrain.patches import patch_nets
 from recon.terrain.resampling import contour_samples, fit_contours, point_spacing
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
 from recon.terrain.slopes import vertex_slopes
-from recon.terrain.tiling import CurvesMeet, Tiling, tile, with_free_vertices
+from recon.terrain.spot_heights import spots_beside_contours, spots_off_strips
+from recon.terrain.tiling import CurvesMeet, Frame, Tiling, tile, with_free_vertices
 
 __all__ = ["PatchKind", "Terrain", "TerrainOptions", "terrain_surface"]
 
@@ -132,17 +133,22 @@ def terrain_surface(
     origin = np.round(contours.extent.mean(axis=0))
     sound, told = checked_contours(contours, tolerance, mend=options.mend)
     kept, notes = _without_specks(sound, tolerance)
-    notes = told + notes
+    kept, spots_told = spots_beside_contours(kept, tolerance, mend=options.mend)
+    notes = told + notes + spots_told
     local = _ended_on_border(kept.moved(origin), tolerance)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
         gregory = options.patches is PatchKind.GREGORY
         folds = gregory_folds if gregory else ruled_folds
+        interval = contours.interval()
         tiling, local, left_out = _tiled(local, tolerance, origin, folds)
+        odd = spots_off_strips(tiling, levels(tiling, interval), origin, mend=options.mend)
+        if odd.any():
+            notes += (f"{int(odd.sum())} spot heights that the contours around contradict were left out",)
+            tiling, local, left_out = _tiled(local.with_spots(local.spots[~odd]), tolerance, origin, folds)
         notes += left_out
         layout = merged_layout(tiling, folds)
         doing("finding the slopes")
-        interval = contours.interval()
         limits = levels(tiling, interval)
         jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
         doing("making the patches")
@@ -172,18 +178,21 @@ def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap,
 
 
 def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
-    """The contours with ends that miss the border of the map by less than the tolerance put on it, to the last bit."""
+    """The contours with ends that miss the border of the map by less than the tolerance put on it."""
+    sides = contours.sides()
+    way = sides[:, 1] - sides[:, 0]
+    square = np.einsum("ij,ij->i", way, way)
     lines = []
     for line in contours.lines:
         moved = np.clip(line, *contours.extent)
-        if not (line[0] == line[-1]).all():
-            for end in (0, -1):
-                gap = np.abs(contours.extent - moved[end])
-                side, axis = np.unravel_index(int(np.argmin(gap)), gap.shape)
-                if gap[side, axis] < tolerance:
-                    moved[end, axis] = contours.extent[side, axis]
+        for end in () if (line[0] == line[-1]).all() else (0, -1):
+            share = np.clip(np.einsum("ij,ij->i", moved[end] - sides[:, 0], way) / square, 0.0, 1.0)
+            foot = sides[:, 0] + share[:, None] * way
+            gap = np.linalg.norm(foot - moved[end], axis=1)
+            if gap.min() < tolerance:
+                moved[end] = foot[int(np.argmin(gap))]
         lines.append(moved)
-    return ContourMap(lines, contours.heights, contours.extent, contours.crs)
+    return contours.with_lines(lines, contours.heights)
 
 
 def _tiled(
@@ -195,14 +204,14 @@ def _tiled(
     """
     tight = np.empty((0, 2))
     samples = contour_samples(contours)
-    step = BORDER_STEP * samples.spacing
     left_out: list[Floats] = []
     for attempt in range(REFITS):
         allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
         curves = _supple(fit_contours(samples, allowed, tight), allowed)
         try:
-            tiling, free = with_free_vertices(curves, contours.extent, border_step=step)
-            tiling = _unfolded(tiling, contours.extent, free, (step, TINY * allowed, origin), folds)
+            frame = Frame(contours, BORDER_STEP * samples.spacing)
+            tiling, free = with_free_vertices(curves, frame)
+            tiling = _unfolded(tiling, frame, free, (TINY * allowed, origin), folds)
             return tiling, contours, _told_of_rings(left_out, origin)
         except CurvesMeet as meeting:
             if attempt == REFITS - 1:
@@ -238,7 +247,7 @@ def _told_of_rings(places: list[Floats], origin: Floats) -> tuple[str, ...]:
 
 def _part(contours: ContourMap, keep: NDArray[np.bool_]) -> ContourMap:
     rows = np.flatnonzero(keep).tolist()
-    return ContourMap([contours.lines[i] for i in rows], contours.heights[rows], contours.extent, contours.crs)
+    return contours.with_lines([contours.lines[i] for i in rows], contours.heights[rows])
 
 
 def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
@@ -249,12 +258,12 @@ def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
     return curves
 
 
-def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, float, Floats], folds: Folds) -> Tiling:
+def _unfolded(tiling: Tiling, frame: Frame, free: Floats, grid: tuple[float, Floats], folds: Folds) -> Tiling:
     """The tiling with contour segments halved, or made chords when tiny, until no triangle's plan map folds.
 
-    grid  border step, length below which a segment is tiny, map origin
+    grid  length below which a segment is tiny, map origin
     """
-    step, tiny, origin = grid
+    tiny, origin = grid
     for _ in range(UNFOLDINGS):
         layout = triangle_layout(tiling)
         folded = folds(tiling, layout)
@@ -268,7 +277,7 @@ def _unfolded(tiling: Tiling, extent: Floats, free: Floats, grid: tuple[float, f
         free = np.vstack([free, new])
         b = tiling.curves.bezier
         small = chosen & ~tiling.curves.straight & (np.linalg.norm(b[:, 3] - b[:, 0], axis=1) < tiny)
-        tiling = tile(tiling.curves.straightened(small).split(chosen & ~small), extent, free, border_step=step)
+        tiling = tile(tiling.curves.straightened(small).split(chosen & ~small), frame, free)
     where = tiling.points[layout.corners[folded | flat, 0]][0] + origin
     raise BadGeometry(
         "contours", f"{int(folded.sum())} patches stay folded, the first near ({where[0]:.1f}, {where[1]:.1f})"

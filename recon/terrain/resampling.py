@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -23,6 +24,7 @@ __all__ = ["ContourSamples", "contour_samples", "fit_contours", "point_spacing"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 STIFFNESS = 0.12  # of the span: the wavelength below which a spline stops to follow its points is 2 pi times this
 SHARPEST = np.radians(100.0)  # turning of a span above which it is a kink: it and its neighbours are made stiffer
@@ -52,7 +54,7 @@ class ContourSamples:
     contour: Ints
     room: Floats
     first: Ints
-    closed: NDArray[np.bool_]
+    closed: Flags
     heights: Floats
     spacing: float
 
@@ -92,7 +94,7 @@ def fit_contours(samples: ContourSamples, tolerance: float, tight: Floats | None
 class _Spline:
     """The spline of one contour: knots, stiffness of every span, coefficients."""
 
-    def __init__(self, rows: tuple[Floats, ...], knots: Floats, ring: bool, fixed: NDArray[np.bool_]) -> None:
+    def __init__(self, rows: tuple[Floats, ...], knots: Floats, ring: bool, fixed: Flags) -> None:
         self.points, self.weight, self.parameter = rows
         self.knots, self.ring, self._fixed = knots, ring, fixed
         self._stiffness = np.full(len(knots) - 1, STIFFNESS)
@@ -115,7 +117,7 @@ class _Spline:
             self.points, self.weight, self.parameter, self.knots, self.ring, self._stiffness
         )
 
-    def stiffen(self, kinked: NDArray[np.bool_], tolerance: float) -> bool:
+    def stiffen(self, kinked: Flags, tolerance: float) -> bool:
         """Make kinked spans and those beside them stiffer, as far as the points allow; whether any could be."""
         if len(kinked) <= RING_SPANS:  # shorter curves cannot give way
             return False
@@ -133,7 +135,7 @@ class _Spline:
         return worst_misses(self.points, self.parameter, self._fixed, self.knots, self.coefficients, self.ring)
 
 
-def _with_neighbours(spans: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _with_neighbours(spans: Flags) -> Flags:
     """(n,) the spans, and those on either side of them."""
     wider = spans.copy()
     wider[1:] |= spans[:-1]
@@ -149,7 +151,8 @@ def contour_samples(contours: ContourMap) -> ContourSamples:
     first = np.r_[0, np.cumsum([len(p) for p in points])]
     contour = np.repeat(np.arange(len(points)), np.diff(first))
     rows = np.concatenate(points), np.concatenate(parameter), np.concatenate(weight), contour
-    return ContourSamples(*rows, _way_to_another_strand(*rows), first, closed, contours.heights, spacing)
+    room = np.minimum(_way_to_another_strand(*rows), _way_to_border(rows, closed, contours))
+    return ContourSamples(*rows, room, first, closed, contours.heights, spacing)
 
 
 def _densified(line: Floats, ring: bool, widest: float) -> tuple[Floats, Floats, Floats]:
@@ -189,6 +192,17 @@ def _way_to_another_strand(points: Floats, parameter: Floats, weight: Floats, co
         strange = (contour[begin] != contour[:, None]) | (along > BEND * np.maximum(distance, 1e-12))
         way = np.minimum(way, np.where(strange, distance, np.inf).min(axis=1))
     return way
+
+
+def _way_to_border(rows: tuple[Floats, Floats, Floats, Ints], closed: Flags, contours: ContourMap) -> Floats:
+    """(m,) distance of every sample to the border of the map or a void, but for where its contour is about to end."""
+    points, parameter, weight, contour = rows
+    border = shapely.MultiLineString([contours.outline, *contours.voids])
+    shapely.prepare(border)
+    way = np.asarray(shapely.distance(border, shapely.points(points)))
+    length = np.bincount(contour, weight)[contour]
+    to_end = np.where(closed[contour], np.inf, np.minimum(parameter, length - parameter))
+    return np.where(to_end > BEND * way, way, np.inf)
 
 
 def _tightened(samples: ContourSamples, allowed: Floats, places: Floats) -> Floats:

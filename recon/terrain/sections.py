@@ -114,7 +114,7 @@ def islands_above(terrain: Terrain, level: float) -> list[Terrain]:
     """The connected parts of a ground above a level that is one of its contours' heights, the largest first."""
     middle = np.empty(terrain.n_patches)
     for part in terrain.nets:
-        middle[part.rows] = part.grid(INSIDE)[..., 2].mean(axis=(1, 2))
+        middle[part.rows] = part.heights(INSIDE).mean(axis=(1, 2))
     strip = terrain.strip[terrain.layout.face]
     total = np.bincount(strip, middle - level) / np.maximum(np.bincount(strip), 1)
     kept = np.flatnonzero(total[strip] > 0)

@@ -64,11 +64,8 @@ def vertex_slopes(tiling: Tiling, normals: Floats, limits: Levels) -> VertexSlop
     x, weight = np.zeros(len(owner)), np.ones(len(tiling.triangles))
     for turn in range(REWEIGHTINGS):
         accuracy = ACCURACY if turn == REWEIGHTINGS - 1 else ROUGH
-        weighted = sparse.csr_array(rows * np.repeat(weight, 9)[:, None])
-        matrix = sparse.csr_array(weighted @ prolong)
-        energy = sparse.csr_array(matrix.T @ matrix)
-        solver = TiledSolver(energy, tiles)
-        x = _bounded(solver, (energy, -matrix.T @ (weighted @ offset)), x, bounds, accuracy)
+        system = _system(rows, weight, prolong, offset)
+        x = _bounded(TiledSolver(system[0], tiles), system, x, bounds, accuracy)
         bend = np.linalg.norm((rows @ (prolong @ x + offset)).reshape(-1, 9), axis=1) / root_area
         weight = (1 + (bend / max(float(np.median(bend)), 1e-300)) ** 2) ** -0.25
     jets = (prolong @ x + offset).reshape(-1, 3)
@@ -110,6 +107,16 @@ def _rows(tiling: Tiling) -> sparse.csr_array:
     return sparse.csr_array((values.ravel(), columns.ravel(), pointer), shape=shape)
 
 
+def _system(
+    rows: sparse.csr_array, weight: Floats, prolong: sparse.csr_array, offset: Floats
+) -> tuple[sparse.csr_array, Floats]:
+    """(n, n) normal matrix of the weighted rows in the unknowns, and the (n,) right-hand side."""
+    weighted = sparse.csr_array((rows.data * np.repeat(weight, 81), rows.indices, rows.indptr), rows.shape)
+    right = weighted @ offset
+    weighted = sparse.csr_array(weighted @ prolong)
+    return sparse.csr_array(weighted.T @ weighted), -weighted.T @ right
+
+
 def _bounds(tiling: Tiling, normals: Floats, limits: Levels) -> tuple[Floats, Floats]:
     """(n,) least and greatest value of every unknown."""
     c, v = len(normals), len(tiling.points)
@@ -122,10 +129,12 @@ def _bounds(tiling: Tiling, normals: Floats, limits: Levels) -> tuple[Floats, Fl
 
 
 def _free_heights(tiling: Tiling, limits: Levels) -> tuple[Floats, Floats]:
-    """(V,) least and greatest height that a free vertex at each place may have."""
+    """(V,) least and greatest height that a free vertex at each place may have: that of a spot where there is one."""
     least, most = np.full(len(tiling.points), -np.inf), np.full(len(tiling.points), np.inf)
     np.maximum.at(least, tiling.triangles.ravel(), np.repeat(limits.low[limits.strip], 3))
     np.minimum.at(most, tiling.triangles.ravel(), np.repeat(limits.high[limits.strip], 3))
+    spots = slice(len(least) - len(tiling.spots), None)
+    least[spots] = most[spots] = tiling.spots[:, 2]
     return least, most
 
 

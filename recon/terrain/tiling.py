@@ -9,15 +9,19 @@ Paper  [zhang2006], section 3 (2); free vertices are not in the paper.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pythoncdt
+import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from recon.errors import BadGeometry
+from recon.geometry.contour_map import ContourMap
 from recon.terrain.contour_curves import ContourCurves
 
-__all__ = ["CurvesMeet", "Tiling", "tile", "with_free_vertices", "NO_SEGMENT"]
+__all__ = ["CurvesMeet", "Frame", "NO_SEGMENT", "Tiling", "tile", "with_free_vertices"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,11 +30,23 @@ NO_SEGMENT = -1
 SPLITS = 4  # times that segments whose chords cross are halved
 FREE_ROUNDS, FLAT_ROUNDS = 1, 12
 ALONG = 1e-6  # metres that a segment along the border may leave it
+ON_BORDER = 1e-8  # metres from a side of the border within which a vertex lies on it
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What a map has beside the curves of its contours: border, voids, spot heights.
+
+    border_step  metres between free vertices on the border, at most
+    """
+
+    contours: ContourMap
+    border_step: float
 
 
 @dataclass(frozen=True, eq=False)
 class Tiling:
-    """Triangles between contours; the first vertices are those of `curves`, the others are free.
+    """Triangles between contours; the first vertices are those of `curves`, the others are free or spot heights.
 
     points        (V, 2)
     triangles     (F, 3) counter-clockwise; side k of a triangle runs from its vertex k to vertex k + 1
@@ -38,6 +54,7 @@ class Tiling:
     side_edges    (F, 3) edge on every side
     edge_faces    (E, 2) triangles to the left and right of the edge, -1 where there is none
     edge_segment  (E,) segment of the contour that the edge is, or NO_SEGMENT
+    spots         (s, 3) places that are vertices, the last ones, and whose height is known
     """
 
     curves: ContourCurves
@@ -47,6 +64,7 @@ class Tiling:
     side_edges: Ints
     edge_faces: Ints
     edge_segment: Ints
+    spots: Floats
 
     @property
     def is_contour(self) -> NDArray[np.bool_]:
@@ -54,21 +72,22 @@ class Tiling:
         return self.edge_segment != NO_SEGMENT
 
     def vertex_heights(self) -> Floats:
-        """(V,) heights of the contours' vertices, NaN at free vertices."""
+        """(V,) heights of the contours' vertices and of spot heights, NaN at free vertices."""
         known = self.curves.heights[self.curves.vertex_contours()]
-        return np.r_[known, np.full(len(self.points) - len(known), np.nan)]
+        n_free = len(self.points) - len(known) - len(self.spots)
+        return np.r_[known, np.full(n_free, np.nan), self.spots[:, 2]]
 
     def contour_sides(self) -> Ints:
         """(F,) contour edges of every triangle: 2 a terminal, 1 a sleeve, 0 a junction."""
         return self.is_contour[self.side_edges].sum(axis=1)
 
     def flat_edges(self) -> NDArray[np.bool_]:
-        """(E,) whether an edge joins two contour vertices of one height without being a contour edge."""
+        """(E,) whether an edge joins two vertices of one known height without being a contour edge."""
         z = self.vertex_heights()[self.edges]
         return (z[:, 0] == z[:, 1]) & ~self.is_contour
 
     def flat_triangles(self) -> NDArray[np.bool_]:
-        """(F,) whether all three corners are contour vertices of one height."""
+        """(F,) whether all three corners have one known height."""
         z = self.vertex_heights()[self.triangles]
         return (z[:, 0] == z[:, 1]) & (z[:, 1] == z[:, 2])
 
@@ -85,52 +104,70 @@ class CurvesMeet(BadGeometry):
         )
 
 
-def tile(curves: ContourCurves, extent: Floats, free: Floats, *, border_step: float) -> Tiling:
-    """Triangles of the map rectangle with every contour segment an edge.
+def tile(curves: ContourCurves, frame: Frame, free: Floats) -> Tiling:
+    """Triangles of the map rectangle but its voids, with every contour segment an edge.
 
-    extent       (2, 2) corners of the map
-    free         (n, 2) free vertices besides those on the border
-    border_step  metres between free vertices on the border, at most
-    Promises     segments whose chords cross are halved until they do not.
-    Raises       CurvesMeet with the places at which that does not help.
+    free      (n, 2) free vertices besides those on the border and the spot heights
+    Promises  segments whose chords cross are halved until they do not.
+    Raises    CurvesMeet with the places at which that does not help.
     """
-    border = _border_points(curves.vertices(), extent, free, border_step)
-    tiling, lost = _triangulated(curves, np.vstack([border, free]), extent)
+    free = np.vstack([free, frame.contours.spots[:, :2]])
+    border = _border_points(np.vstack([curves.vertices(), free]), frame)
+    tiling, lost = _triangulated(curves, np.vstack([border, free]), frame)
     for _ in range(SPLITS):
         if tiling is not None and not lost.any():
             return tiling
         curves = curves.split(lost)
-        tiling, lost = _triangulated(curves, np.vstack([border, free]), extent)
+        tiling, lost = _triangulated(curves, np.vstack([border, free]), frame)
     if tiling is not None and not lost.any():
         return tiling
     raise CurvesMeet(curves.bezier[lost].mean(axis=1), float(curves.heights[curves.contour[lost][0]]))
 
 
-def _border_points(vertices: Floats, extent: Floats, free: Floats, step: float) -> Floats:
-    """Free vertices on the border of the map: its corners, and points between those where contours leave it."""
-    (x0, y0), (x1, y1) = extent
-    added = [np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])]
-    taken = np.vstack([vertices, free])
-    for axis, at, (low, high) in ((1, y0, (x0, x1)), (1, y1, (x0, x1)), (0, x0, (y0, y1)), (0, x1, (y0, y1))):
-        along = np.unique(np.r_[low, taken[taken[:, axis] == at, 1 - axis], high])
-        gap = np.diff(along)
-        parts = np.maximum(np.ceil(gap / step).astype(int), 1)
+def _border_points(taken: Floats, frame: Frame) -> Floats:
+    """Free vertices on the border: its corners, and points between those and the places that are taken."""
+    sides = frame.contours.sides()
+    corners = np.unique(sides[:, 0], axis=0)
+    corners = corners[cKDTree(taken).query(corners)[0] > 0.0]
+    known, added = np.vstack([taken, corners]), [corners]
+    for side, (_, share) in zip(sides, _along(known, sides)):
+        along = np.unique(np.r_[0.0, share, 1.0])
+        gap = np.diff(along) * np.linalg.norm(side[1] - side[0])
+        parts = np.maximum(np.ceil(gap / frame.border_step).astype(int), 1)
         leg = np.repeat(np.arange(len(gap)), parts)
-        share = (np.arange(len(leg)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[leg]
-        new = np.empty(((share > 0).sum(), 2))
-        new[:, axis] = at
-        new[:, 1 - axis] = (along[leg] + share * gap[leg])[share > 0]
-        added.append(new)
-    corners = added[0]
-    same = (corners[:, None] == taken[None]).all(axis=2).any(axis=1)
-    return np.vstack([corners[~same], *added[1:]])
+        step = (np.arange(len(leg)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[leg]
+        new = step > 0
+        at = (along[leg] + step * np.diff(along)[leg])[new, None]
+        added.append(side[0] + at * (side[1] - side[0]))
+    return _each_once(np.vstack(added))
 
 
-def _triangulated(curves: ContourCurves, free: Floats, extent: Floats) -> tuple[Tiling | None, NDArray[np.bool_]]:
+def _along(points: Floats, sides: Floats) -> list[tuple[Ints, Floats]]:
+    """For every side (n, 2, 2) of the border the points on it, in order along it, and the shares at which they lie."""
+    low, high = sides.min(axis=1) - ON_BORDER, sides.max(axis=1) + ON_BORDER
+    boxes = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+    point, side = boxes.query(shapely.points(points))
+    off, way = points[point] - sides[side, 0], sides[side, 1] - sides[side, 0]
+    length = np.linalg.norm(way, axis=1)
+    near = np.abs(off[:, 0] * way[:, 1] - off[:, 1] * way[:, 0]) <= ON_BORDER * length
+    share = np.clip(np.einsum("ij,ij->i", off, way) / length**2, 0.0, 1.0)
+    order = np.lexsort((share, side))
+    order = order[near[order]]
+    ends = np.searchsorted(side[order], np.arange(len(sides) + 1))
+    return [(point[order[a:b]], share[order[a:b]]) for a, b in pairwise(ends.tolist())]
+
+
+def _each_once(points: Floats) -> Floats:
+    """Points without those that lie on one before them: a void's side may lie on the map's."""
+    again = cKDTree(points).query_pairs(ON_BORDER, output_type="ndarray")
+    return np.delete(points, np.unique(again.max(axis=1, initial=0)), axis=0) if len(again) else points
+
+
+def _triangulated(curves: ContourCurves, free: Floats, frame: Frame) -> tuple[Tiling | None, NDArray[np.bool_]]:
     """The triangulation, or None where curves cross; and which segments it lacks, since their chords meet another."""
     points = np.vstack([curves.vertices(), free])
     chords = np.column_stack([curves.start, curves.end])
-    rim = _rim(points, extent)
+    rim = _rim(points, frame)
     work = pythoncdt.Triangulation(
         pythoncdt.VertexInsertionOrder.AUTO, pythoncdt.IntersectingConstraintEdges.TRY_RESOLVE, 0.0
     )
@@ -139,26 +176,31 @@ def _triangulated(curves: ContourCurves, free: Floats, extent: Floats) -> tuple[
     work.erase_super_triangle()
     triangles = work.triangles_array()["vertices"].astype(np.int64)
     rim_chord = np.isin(_key(chords, len(points)), _key(rim, len(points)))
-    bulging = rim_chord & (np.ptp(curves.bezier, axis=1) > ALONG).all(axis=1)  # its chord would cut ground off the map
+    bulging = rim_chord & (_sagitta(curves.bezier) > ALONG)  # its chord would cut ground off the map
     if triangles.size == 0 or triangles.max() >= len(points):
         held = triangles[(triangles < len(points)).all(axis=1)]
         return None, ~np.isin(_key(chords, len(points)), _key(_sides(held), len(points)))
-    triangles = _without_slivers(triangles, points)
-    tiling = _tiling(curves, points, triangles)
+    triangles = _without_slivers(triangles, points, frame)
+    triangles = triangles[frame.contours.holds(points[triangles].mean(axis=1))]
+    points, triangles = _used(points, triangles, curves.n_vertices)
+    tiling = _tiling(curves, points, triangles, frame.contours.spots)
     lost = np.ones(len(chords), dtype=bool)
     lost[tiling.edge_segment[tiling.is_contour]] = False
     return tiling, (lost & ~rim_chord) | bulging
 
 
-def _rim(points: Floats, extent: Floats) -> Ints:
+def _rim(points: Floats, frame: Frame) -> Ints:
     """(n, 2) edges along the border, through all vertices on it."""
-    (x0, y0), (x1, y1) = extent
-    pairs = []
-    for axis, at in ((1, y0), (1, y1), (0, x0), (0, x1)):
-        on = np.flatnonzero(points[:, axis] == at)
-        on = on[np.argsort(points[on, 1 - axis], kind="stable")]
-        pairs.append(np.column_stack([on[:-1], on[1:]]))
-    return np.vstack(pairs)
+    rows = _along(points, frame.contours.sides())
+    return np.vstack([np.column_stack([on[:-1], on[1:]]) for on, _ in rows])
+
+
+def _sagitta(bezier: Floats) -> Floats:
+    """(n,) farthest that an inner control point lies from its curve's chord."""
+    way = bezier[:, 3] - bezier[:, 0]
+    off = bezier[:, 1:3] - bezier[:, :1]
+    across = np.abs(off[..., 0] * way[:, None, 1] - off[..., 1] * way[:, None, 0]).max(axis=1)
+    return np.asarray(across / np.maximum(np.linalg.norm(way, axis=1), 1e-300))
 
 
 def _key(pairs: Ints, n: int) -> Ints:
@@ -169,14 +211,56 @@ def _sides(triangles: Ints) -> Ints:
     return np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
-def _without_slivers(triangles: Ints, points: Floats) -> Ints:
-    """Triangles with an area: three vertices on one side of the border have none."""
+def _without_slivers(triangles: Ints, points: Floats, frame: Frame) -> Ints:
+    """Triangles with an area: three vertices on one side of the border have none.
+
+    Rounding may give them one where the side lies aslant; with the triangle beyond, if any, they are cut anew from the
+    middle one of the three.
+    """
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    return triangles[area > 0]
+    triangles = triangles[_doubled_areas(a, b, c) > 0]
+    sides = frame.contours.sides()
+    for on, _ in _along(points, sides[(sides[:, 0] != sides[:, 1]).all(axis=1)]):
+        triangles = _flipped(triangles, points, on)
+    return triangles
 
 
-def _tiling(curves: ContourCurves, points: Floats, triangles: Ints) -> Tiling:
+def _doubled_areas(a: Floats, b: Floats, c: Floats) -> Floats:
+    return np.asarray((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+def _flipped(triangles: Ints, points: Floats, on: Ints) -> Ints:
+    """Triangles without those between three of the points `on` a side, which come in order along it."""
+    rank = np.full(len(points), -1)
+    rank[on] = np.arange(len(on))
+    while (flat := np.flatnonzero((rank[triangles] >= 0).all(axis=1))).size:
+        # the widest: none of its kind lies beyond it
+        spans = np.ptp(rank[triangles[flat]], axis=1)
+        widest = int(flat[np.argmax(spans)])
+        first, middle, last = triangles[widest][np.argsort(rank[triangles[widest]])]
+        beyond = np.flatnonzero(np.isin(triangles, (first, last)).sum(axis=1) == 2)
+        beyond = beyond[beyond != widest]
+        kept = np.delete(triangles, [widest, *beyond.tolist()], axis=0)
+        made = []
+        for row in triangles[beyond]:
+            apex = int(row[~np.isin(row, (first, last))][0])
+            for p, q in ((first, middle), (middle, last)):
+                corner = [p, q, apex]
+                area = _doubled_areas(*(points[[k]] for k in corner))[0]
+                made.append(corner if area > 0 else [q, p, apex])
+        triangles = np.vstack([kept, np.array(made, dtype=np.int64).reshape(-1, 3)])
+    return triangles
+
+
+def _used(points: Floats, triangles: Ints, n_first: int) -> tuple[Floats, Ints]:
+    """The first points and those of triangles, renumbered: a void on the map's border leaves points alone there."""
+    used = np.zeros(len(points), dtype=bool)
+    used[:n_first] = True
+    used[triangles] = True
+    return points[used], (np.cumsum(used) - 1)[triangles]
+
+
+def _tiling(curves: ContourCurves, points: Floats, triangles: Ints, spots: Floats) -> Tiling:
     n, n_faces = len(points), len(triangles)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     key, first, slot = np.unique(_key(sides, n), return_index=True, return_inverse=True)
@@ -191,10 +275,10 @@ def _tiling(curves: ContourCurves, points: Floats, triangles: Ints) -> Tiling:
     faces = np.full((len(edges), 2), -1)
     right = (sides[:, 0] != edges[slot, 0]).astype(np.int64)
     faces[slot, right] = np.arange(3 * n_faces) // 3
-    return Tiling(curves, points, triangles, edges, slot.reshape(-1, 3), faces, segment)
+    return Tiling(curves, points, triangles, edges, slot.reshape(-1, 3), faces, segment, spots)
 
 
-def with_free_vertices(curves: ContourCurves, extent: Floats, *, border_step: float) -> tuple[Tiling, Floats]:
+def with_free_vertices(curves: ContourCurves, frame: Frame) -> tuple[Tiling, Floats]:
     """The tiling with free vertices wherever it would be flat, and those of them that lie off the border's own (n, 2).
 
     Promises  no triangle has three contour vertices of one height for its corners.
@@ -202,7 +286,7 @@ def with_free_vertices(curves: ContourCurves, extent: Floats, *, border_step: fl
     """
     free = np.empty((0, 2))
     for turn in range(FLAT_ROUNDS):
-        tiling = tile(curves, extent, free, border_step=border_step)
+        tiling = tile(curves, frame, free)
         curves = tiling.curves
         flat = tiling.flat_triangles()
         if turn >= FREE_ROUNDS and not flat.any():

@@ -1,8 +1,10 @@
 """The gate: sound shapes pass, and every line catches a shape broken on purpose that no other line does."""
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 from math import cos, pi, sin
+from pathlib import Path
 
 import cadquery as cq
 import numpy as np
@@ -17,6 +19,7 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
+import brep_export.check as gate
 from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.check_topology import sub_shapes
 from brep_export.measures import measure
@@ -305,3 +308,12 @@ def test_a_refused_report_raises_when_a_pass_is_required() -> None:
     report: CheckReport = check(shell(faces(box())), TOLERANCE)
     with pytest.raises(GateFailed, match="no-solid"):
         report.require()
+
+
+def test_every_defect_belongs_to_one_line_of_the_gate():
+    sources = (Path(gate.__file__).parent / name for name in ("check.py", "check_geometry.py", "check_topology.py"))
+    codes = {code for source in sources for code in re.findall(r'Defect\(\s*"([a-z-]+)"', source.read_text())}
+    assert {"edge-angle", "inside-out"} <= codes
+    for code in codes:
+        lines = [line for line, begins in gate.LINES if any(code.startswith(begin) for begin in begins)]
+        assert len(lines) == 1, code

@@ -10,7 +10,7 @@ from recon.errors import BadGeometry, BadOption, UnreadableFile, UnsupportedForm
 from recon.geometry.contour_map import HeightGrid
 from recon.readers.contours import read_contours
 from recon.readers.height_grids import read_height_grid
-from recon.terrain.contouring import contour_grid
+from recon.terrain.contouring import contour_grid, largest_piece
 
 UTM = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::26910"}}
 
@@ -60,7 +60,8 @@ def test_csv_gives_back_every_line_with_its_height(tmp_path):
         ([feature([[0, 0], [99, 9]]), feature([[5, 5]])], BadGeometry, "contour 1: has one vertex only"),
         ([feature([[0, 0, 1], [100, 50, 2]], None)], BadGeometry, "changes its height"),
         ([], UnreadableFile, "no contour lines"),
-        ([{"geometry": {"type": "Point", "coordinates": [0, 0]}}], UnreadableFile, "feature 0 is a Point"),
+        ([{"geometry": {"type": "Point", "coordinates": [0, 0]}}], BadGeometry, "spot 0: has no height"),
+        ([{"geometry": {"type": "Polygon", "coordinates": []}}], UnreadableFile, "feature 0 is a Polygon"),
     ],
 )
 def test_a_faulty_contour_is_named_by_number(tmp_path, features, error, words):
@@ -118,12 +119,57 @@ def test_contours_of_whole_heights_do_not_touch():
     assert len(np.unique(points.round(6), axis=0)) == contours.n_points
 
 
-def test_a_grid_with_voids_is_refused_with_the_place():
+def test_a_void_is_the_four_cells_around_a_height_that_is_not_known():
     grid = mountain_grid(2)
     heights = grid.heights.copy()
     heights[3, 4] = np.nan
-    with pytest.raises(BadGeometry, match=r"1 cells hold no height, the first at \(40.0, 30.0\)"):
-        contour_grid(HeightGrid(grid.x, grid.y, heights), 10.0)
+    contours = contour_grid(HeightGrid(grid.x, grid.y, heights), 10.0)
+    (ring,) = contours.voids
+    assert ring.min(axis=0).tolist() == [30.0, 20.0]
+    assert ring.max(axis=0).tolist() == [50.0, 40.0]
+    assert len(ring) == 5
+
+
+def test_what_voids_cut_off_is_counted_and_left_out():
+    grid = mountain_grid(2)
+    heights = grid.heights.copy()
+    heights[:, 40] = np.nan
+    cut = HeightGrid(grid.x, grid.y, heights)
+    with pytest.raises(BadGeometry, match="cut it in 2 pieces"):
+        contour_grid(cut, 10.0)
+    piece, lost = largest_piece(cut)
+    assert lost == 45 * 20
+    contours = contour_grid(piece, 10.0)
+    assert contours.extent[1, 0] == 390.0
+    assert not contours.voids
+
+
+def test_cells_that_meet_in_a_corner_are_parted():
+    heights = np.add.outer(np.arange(12.0), np.arange(12.0))
+    heights[4, 4] = heights[6, 6] = np.nan  # the voids around them share the corner (5, 5)
+    contours = contour_grid(HeightGrid(np.arange(12.0), np.arange(12.0), heights), 3.0)
+    (ring,) = contours.voids
+    assert len(np.unique(ring[:-1], axis=0)) == len(ring) - 1
+
+
+def test_points_are_spot_heights_and_sloping_lines_break_lines_where_asked(tmp_path):
+    point = {"properties": {"ELEV": 17.5}, "geometry": {"type": "Point", "coordinates": [40, 30]}}
+    points = {"properties": {}, "geometry": {"type": "MultiPoint", "coordinates": [[50, 30, 12], [60, 30, 13]]}}
+    ridge = feature([[0, 5, 11], [80, 60, 19]], None)
+    path = written(tmp_path, [feature([[0, 0], [100, 0]]), feature([[0, 90], [100, 90]], 20.0), point, points])
+    assert read_contours(path).spots.tolist() == [[40, 30, 17.5], [50, 30, 12], [60, 30, 13]]
+    path = written(tmp_path, [feature([[0, 0], [100, 0]]), ridge])
+    with pytest.raises(BadGeometry, match="--break-lines"):
+        read_contours(path)
+    assert read_contours(path, break_lines=True).spots.tolist() == [[0, 5, 11], [80, 60, 19]]
+
+
+def test_csv_rows_without_a_line_are_spot_heights(tmp_path):
+    path = tmp_path / "map.csv"
+    path.write_text("x,y,z,line\n0,0,10,1\n100,0,10,1\n50,40,13,\n0,90,20,2\n100,90,20,2\n")
+    contours = read_contours(path)
+    assert contours.spots.tolist() == [[50, 40, 13]]
+    assert contours.heights.tolist() == [10, 20]
 
 
 @pytest.mark.parametrize("interval", [0.0, -5.0, float("nan"), 1e6])
@@ -170,3 +216,38 @@ def test_geopackage_and_shapefile_give_back_lines_and_heights(tmp_path, ending):
     assert "26910" in again.crs
     np.testing.assert_array_equal(again.heights, contours.heights)
     np.testing.assert_allclose(np.concatenate(again.lines), np.concatenate(contours.lines), atol=1e-9)
+
+
+def test_maps_in_degrees_are_projected_on_request(tmp_path):
+    pytest.importorskip("rasterio")
+    ring = [[-122.19, 46.20], [-122.18, 46.20], [-122.18, 46.21], [-122.19, 46.20]]
+    spot = {"properties": {"ELEV": 30.0}, "geometry": {"type": "Point", "coordinates": [-122.184, 46.203]}}
+    path = written(tmp_path, [feature(ring, 20.0), spot], crs=None)
+    contours = read_contours(path, project=True)
+    assert contours.crs == "EPSG:32610"
+    # a hundredth of a degree: 1112 m along a meridian, and so much times the cosine of the latitude along a parallel
+    steps = np.linalg.norm(np.diff(contours.lines[0], axis=0), axis=1)
+    assert steps[0] == pytest.approx(1113.2 * np.cos(np.radians(46.2)), rel=3e-3)
+    assert steps[1] == pytest.approx(1111.5, rel=3e-3)
+    assert contours.spots[0, 2] == 30.0
+    assert (contours.spots[:, :2] > contours.extent[0]).all()
+
+
+def test_an_srtm_tile_is_refused_in_degrees_and_read_in_metres_with_its_voids(tmp_path):
+    pytest.importorskip("rasterio")
+    n = 1201  # three seconds of arc
+    rows, columns = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    heights = (500 + 0.2 * rows + 100 * np.sin(columns / 80)).astype(">i2")
+    heights[600:620, 300:330] = -32768
+    path = tmp_path / "N46W123.hgt"
+    path.write_bytes(heights.tobytes())
+    with pytest.raises(UnreadableFile, match=r"degrees.*--project"):
+        read_height_grid(path)
+    grid = read_height_grid(path, project=True)
+    assert grid.crs == "EPSG:32610"
+    known = np.isfinite(grid.heights)
+    assert known.mean() > 0.9
+    assert grid.heights[known].min() > 390
+    middle = np.argwhere(~known[200:-200, 200:-200])
+    assert 500 < len(middle) < 1000
+    assert np.diff(grid.x).mean() == pytest.approx(np.diff(grid.y).mean(), rel=1e-9)

@@ -1,21 +1,11 @@
 """recon check: the gate alone."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from brep_export.app.commands.options import (
-    AllowOpen,
-    AsJson,
-    Debug,
-    DryRun,
-    Picture,
-    Quiet,
-    Report,
-    Silence,
-    Timeout,
-)
+from brep_export.app.commands.options import RUNNING, AllowOpen, Picture, Report, takes
 from brep_export.app.front_desk import answer
 
 __all__ = ["check"]
@@ -23,18 +13,14 @@ __all__ = ["check"]
 JOB = "brep_export.app.check_job:check_file"
 
 
+@takes(RUNNING)
 def check(
     inputs: Annotated[Path, typer.Argument(metavar="CAD_FILE", help="STEP, IGES or BREP file.")],
     tolerance: Annotated[float, typer.Option(help="Largest tolerance and gap allowed, in the file's unit.")] = 0.05,
     picture: Picture = None,
     report: Report = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    timeout: Timeout = None,
     allow_open: AllowOpen = False,
-    silence: Silence = None,
-    dry_run: DryRun = False,
-    debug: Debug = False,
+    **usual: Any,
 ) -> None:
     """The gate alone: is this file one or more closed, valid solids?"""
     answer("check", JOB, locals(), outputs=[])

@@ -2,25 +2,11 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from brep_export.app.commands.options import (
-    AsJson,
-    Debug,
-    DryRun,
-    Force,
-    Name,
-    Picture,
-    ProtocolSchema,
-    Quiet,
-    Report,
-    Schema,
-    Silence,
-    Timeout,
-    UnitOfScans,
-)
+from brep_export.app.commands.options import RUNNING, WRITING, UnitOfScans, takes
 from brep_export.app.front_desk import answer
 from brep_export.app.outputs import CAD_ENDINGS
 
@@ -43,6 +29,7 @@ class Update(StrEnum):
     PATENT = "patent"
 
 
+@takes(WRITING, RUNNING)
 def curve(
     inputs: Annotated[
         Path,
@@ -70,17 +57,7 @@ def curve(
     ] = None,
     update: Annotated[Update, typer.Option(help="Rule by which control points move.")] = Update.TANGENT,
     unit: UnitOfScans = None,
-    schema: ProtocolSchema = Schema.AP214,
-    name: Name = None,
-    picture: Picture = None,
-    report: Report = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    timeout: Timeout = None,
-    force: Force = False,
-    silence: Silence = None,
-    dry_run: DryRun = False,
-    debug: Debug = False,
+    **usual: Any,
 ) -> None:
     """Smooth B-spline curve of a row of points, open or closed, in the plane or in space."""
     answer("curve", JOB, locals(), endings=list(CAD_ENDINGS), more_endings=[".json"])

@@ -2,25 +2,11 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from brep_export.app.commands.options import (
-    AsJson,
-    Debug,
-    DryRun,
-    Force,
-    Name,
-    Picture,
-    ProtocolSchema,
-    Quiet,
-    Report,
-    Schema,
-    Silence,
-    Timeout,
-    UnitOfScans,
-)
+from brep_export.app.commands.options import RUNNING, WRITING, UnitOfScans, takes
 from brep_export.app.front_desk import answer
 from brep_export.app.outputs import ENDINGS
 
@@ -55,6 +41,7 @@ class Update(StrEnum):
     ANDERSON = "anderson"
 
 
+@takes(WRITING, RUNNING)
 def fit(
     inputs: Annotated[
         Path | None, typer.Argument(metavar="SCAN", help="Scan as a triangle mesh, open or closed.", show_default=False)
@@ -90,17 +77,7 @@ def fit(
         bool, typer.Option("--robust", help="Points far off count less: for scans with outliers.")
     ] = False,
     unit: UnitOfScans = None,
-    schema: ProtocolSchema = Schema.AP214,
-    name: Name = None,
-    picture: Picture = None,
-    report: Report = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    timeout: Timeout = None,
-    force: Force = False,
-    silence: Silence = None,
-    dry_run: DryRun = False,
-    debug: Debug = False,
+    **usual: Any,
 ) -> None:
     """Subdivision surface of a scan: its control mesh, and its limit surface as a B-rep; or one B-spline face."""
     options = locals()

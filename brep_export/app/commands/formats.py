@@ -20,7 +20,7 @@ def formats(
         typer.echo(command)
         for what, endings in row.items():
             typer.echo(f"  {what:<7} {' '.join(endings)}")
-    typer.echo("\n.shp .gpkg .tif need the packages of recon-brep[gis]; DICOM those of recon-brep[volumes].")
+    typer.echo("\n.shp .gpkg .tif .hgt need the packages of recon-brep[gis]; DICOM those of recon-brep[volumes].")
 
 
 def _table() -> dict[str, dict[str, list[str]]]:

@@ -1,11 +1,19 @@
 """Options that several commands take, said once.
 
 The parameter of a command is the key under which its job finds the value: `inputs`, `outputs`, `picture` ...
+
+    @takes(WRITING, RUNNING)
+    def voxels(inputs: ..., outputs: Outputs = None, ..., **usual: Any) -> None:
+
+gives the command the options of both groups after its own, and their values in `usual`.
 """
 
+from collections.abc import Callable, Mapping
 from enum import StrEnum
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,23 +21,20 @@ from brep_export.app.note_names import NOTES
 from brep_export.app.outputs import ENDINGS
 
 __all__ = [
+    "RUNNING",
+    "WRITING",
     "AllowOpen",
     "AsJson",
-    "Debug",
     "DryRun",
-    "Force",
-    "Name",
     "Outputs",
     "Picture",
-    "ProtocolSchema",
     "Quiet",
     "Report",
-    "Schema",
-    "Silence",
-    "Timeout",
-    "Unit",
     "UnitOfScans",
+    "takes",
 ]
+
+Options = Mapping[str, tuple[Any, Any]]  # kind and default by name
 
 
 class Schema(StrEnum):
@@ -70,3 +75,41 @@ Silence = Annotated[
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be read and written, and do nothing.")]
 Timeout = Annotated[float | None, typer.Option(help="Stop after this many seconds.", min=0.1)]
 Debug = Annotated[bool, typer.Option(hidden=True, help="Show where a fault of the program itself was raised.")]
+
+WRITING: Options = {
+    "schema": (ProtocolSchema, Schema.AP214),
+    "name": (Name, None),
+    "picture": (Picture, None),
+    "report": (Report, None),
+    "force": (Force, False),
+}
+RUNNING: Options = {
+    "as_json": (AsJson, False),
+    "quiet": (Quiet, False),
+    "timeout": (Timeout, None),
+    "silence": (Silence, None),
+    "dry_run": (DryRun, False),
+    "debug": (Debug, False),
+}
+
+
+def takes(*groups: Options) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A decorator of commands, for the parser: their own parameters, then the options of the groups they lack."""
+
+    def taking(command: Callable[..., None]) -> Callable[..., None]:
+        known = signature(command, eval_str=True).parameters
+        parameters = [p for p in known.values() if p.kind is not Parameter.VAR_KEYWORD]
+        for group in groups:
+            for name, (kind, default) in group.items():
+                if name not in known:
+                    parameters.append(Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kind))
+
+        @wraps(command)
+        def whole(**options: Any) -> None:
+            command(**options)
+
+        whole.__signature__ = signature(command).replace(parameters=parameters)  # type: ignore[attr-defined]
+        whole.__annotations__ = {p.name: p.annotation for p in parameters}
+        return whole
+
+    return taking

@@ -2,27 +2,11 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from brep_export.app.commands.options import (
-    AllowOpen,
-    AsJson,
-    Debug,
-    DryRun,
-    Force,
-    Name,
-    Outputs,
-    Picture,
-    ProtocolSchema,
-    Quiet,
-    Report,
-    Schema,
-    Silence,
-    Timeout,
-    UnitOfScans,
-)
+from brep_export.app.commands.options import RUNNING, WRITING, AllowOpen, Outputs, UnitOfScans, takes
 from brep_export.app.front_desk import answer
 
 __all__ = ["patch"]
@@ -44,6 +28,7 @@ class Relief(StrEnum):
     CONTINUE = "continue"
 
 
+@takes(WRITING, RUNNING)
 def patch(
     inputs: Annotated[
         list[Path],
@@ -95,18 +80,8 @@ def patch(
         float, typer.Option(help="Pass band k_PB of the filter that removes the relief.", min=0.001, max=0.5)
     ] = 0.01,
     unit: UnitOfScans = None,
-    schema: ProtocolSchema = Schema.AP214,
-    name: Name = None,
-    picture: Picture = None,
-    report: Report = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    timeout: Timeout = None,
     allow_open: AllowOpen = False,
-    force: Force = False,
-    silence: Silence = None,
-    dry_run: DryRun = False,
-    debug: Debug = False,
+    **usual: Any,
 ) -> None:
     """Missing piece of a broken vessel, from the sherds around it."""
     answer("patch", JOB, locals())

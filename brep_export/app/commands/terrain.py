@@ -2,26 +2,11 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from brep_export.app.commands.options import (
-    AllowOpen,
-    AsJson,
-    Debug,
-    DryRun,
-    Force,
-    Name,
-    Outputs,
-    Picture,
-    ProtocolSchema,
-    Quiet,
-    Report,
-    Schema,
-    Silence,
-    Timeout,
-)
+from brep_export.app.commands.options import RUNNING, WRITING, AllowOpen, Outputs, takes
 from brep_export.app.front_desk import answer
 
 __all__ = ["terrain"]
@@ -36,12 +21,13 @@ class PatchKind(StrEnum):
     GREGORY = "gregory"
 
 
+@takes(WRITING, RUNNING)
 def terrain(
     inputs: Annotated[
         Path,
         typer.Argument(
             metavar="CONTOURS",
-            help="Contour lines (.geojson .csv), or a height grid (.asc .json .tif) with --interval.",
+            help="Contour lines (.geojson .csv .dxf .shp .gpkg), or a grid (.asc .json .tif .hgt) with --interval.",
         ),
     ],
     outputs: Outputs = None,
@@ -56,7 +42,13 @@ def terrain(
     unit: Annotated[
         str | None, typer.Option(help="Unit of the map's coordinates and heights: m or ft. Default: metres.")
     ] = None,
-    clip: Annotated[str | None, typer.Option(help="Box to keep: west,south,east,north in map coordinates.")] = None,
+    clip: Annotated[
+        str | None,
+        typer.Option(
+            help="Keep a box, west,south,east,north in map coordinates, or the polygon in a file.",
+            metavar="BOX|GEOJSON",
+        ),
+    ] = None,
     contours: Annotated[
         float | None, typer.Option(help="Contours of the smooth ground at so many metres, into a .geojson.", min=1e-6)
     ] = None,
@@ -64,6 +56,15 @@ def terrain(
     exaggerate: Annotated[float | None, typer.Option(help="Stretch heights by this factor.", min=1e-6)] = None,
     mend: Annotated[
         bool, typer.Option("--mend", help="Leave out contours that repeat another; each is named.")
+    ] = False,
+    project: Annotated[
+        bool, typer.Option("--project", help="Bring a map in degrees to the metres of its UTM zone.")
+    ] = False,
+    break_lines: Annotated[
+        bool,
+        typer.Option(
+            "--break-lines", help="Take lines whose height changes along them for break lines, not for faulty contours."
+        ),
     ] = False,
     base_depth: Annotated[
         float | None, typer.Option(help="Close to a solid, its base so many metres below the ground.", min=1e-3)
@@ -87,18 +88,8 @@ def terrain(
         ),
     ] = None,
     against: Annotated[Path | None, typer.Option(help="Height grid to measure the ground against.")] = None,
-    schema: ProtocolSchema = Schema.AP214,
-    name: Name = None,
-    picture: Picture = None,
-    report: Report = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    timeout: Timeout = None,
     allow_open: AllowOpen = False,
-    force: Force = False,
-    silence: Silence = None,
-    dry_run: DryRun = False,
-    debug: Debug = False,
+    **usual: Any,
 ) -> None:
     """Smooth mountain of G1 faces, or a solid, from contour lines."""
     answer("terrain", JOB, locals() | {"more_endings": (".geojson",)}, header_unit="M")

@@ -1,23 +1,11 @@
 """recon views: a three-view drawing to every solid it can mean."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from brep_export.app.commands.options import (
-    AsJson,
-    Debug,
-    DryRun,
-    Force,
-    Name,
-    Picture,
-    ProtocolSchema,
-    Quiet,
-    Schema,
-    Silence,
-    Timeout,
-)
+from brep_export.app.commands.options import RUNNING, WRITING, takes
 from brep_export.app.front_desk import answer
 from brep_export.app.outputs import ENDINGS
 
@@ -26,6 +14,7 @@ __all__ = ["views"]
 JOB = "brep_export.app.views_job:views"
 
 
+@takes(WRITING, RUNNING)
 def views(
     inputs: Annotated[Path, typer.Argument(metavar="DRAWING", help="Three-view drawing: DXF, SVG or JSON.")],
     outputs: Annotated[
@@ -47,16 +36,7 @@ def views(
     report: Annotated[
         Path | None, typer.Option(help="Page with each solid beside the drawing, choices to toggle (.html).")
     ] = None,
-    schema: ProtocolSchema = Schema.AP214,
-    name: Name = None,
-    picture: Picture = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    timeout: Timeout = None,
-    force: Force = False,
-    silence: Silence = None,
-    dry_run: DryRun = False,
-    debug: Debug = False,
+    **usual: Any,
 ) -> None:
     """Every solid with planar faces that a three-view drawing can mean."""
     answer("views", JOB, locals(), more_endings=(".obj", ".json"))

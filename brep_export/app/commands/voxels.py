@@ -2,25 +2,11 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from brep_export.app.commands.options import (
-    AsJson,
-    Debug,
-    DryRun,
-    Force,
-    Name,
-    Outputs,
-    Picture,
-    ProtocolSchema,
-    Quiet,
-    Report,
-    Schema,
-    Silence,
-    Timeout,
-)
+from brep_export.app.commands.options import RUNNING, WRITING, Outputs, takes
 from brep_export.app.front_desk import answer
 
 __all__ = ["voxels"]
@@ -35,6 +21,7 @@ class Features(StrEnum):
     PAPER = "paper"
 
 
+@takes(WRITING, RUNNING)
 def voxels(
     inputs: Annotated[
         Path,
@@ -75,17 +62,7 @@ def voxels(
             help="With --analytic: take the roundest multiples of MM that the grid leaves open.", metavar="MM", min=1e-9
         ),
     ] = None,
-    schema: ProtocolSchema = Schema.AP214,
-    name: Name = None,
-    picture: Picture = None,
-    report: Report = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    timeout: Timeout = None,
-    force: Force = False,
-    silence: Silence = None,
-    dry_run: DryRun = False,
-    debug: Debug = False,
+    **usual: Any,
 ) -> None:
     """Clean boundary of a volume as a solid: few faces, the error bounded."""
     answer("voxels", JOB, locals())
