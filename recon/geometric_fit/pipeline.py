@@ -264,7 +264,7 @@ class _Fit:
             if merit <= best[0]:
                 best, number_of_best = (merit, points, feet.places()), number
             if cycle > 0 or self._options.robust:
-                growth = GENTLE if scan.is_open else STEEP
+                growth = GENTLE if scan.is_open or len(scan.sharp_edges) else STEEP
                 self._weights = reweighed(self._weights, scan, distance, growth, robust=self._options.robust)
         if number_of_best < n_rounds - 1:
             points, feet = best[1], walk_feet(patches, patches.points @ best[1], scan.points, best[2])

@@ -10,7 +10,8 @@ __all__ = ["GENTLE", "STEEP", "reweighed"]
 Floats = NDArray[np.float64]
 
 # root mean squares from where on a point counts more, and how many times as far it is at most
-GENTLE = (3.0, 6.0)  # where there are borders: a ragged one is never met, however much it counts
+# gentle where there are borders, as a ragged one is never met, and edges put back, which points near them cut off
+GENTLE = (3.0, 6.0)
 STEEP = (1.5, 12.0)
 OUTLYING = 2.5  # standard deviations from where on a point counts little, where outliers are expected
 
