@@ -129,7 +129,10 @@ def fairness(mesh: ControlMesh, stiffness: Floats) -> sparse.csr_array:
 
 
 def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
-    """(V, V) mean of the neighbours of each control point, on creases and borders of those along them; corners stay."""
+    """(V, V) mean of the neighbours of each control point, on creases and borders of those along them.
+
+    Corners of a border stay, unless there are creases, too: at those the means make a way out of folds.
+    """
     faces, n = mesh.faces_of(int(mesh.face_starts[1])), mesh.n_vertices
     table = edge_table(faces)
     creases = np.sort(mesh.crease_edges, axis=1)
@@ -139,9 +142,10 @@ def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
     on_sharp[edges[sharp]] = True
     start, end = np.concatenate([edges, edges[:, ::-1]]).T
     is_corner = np.zeros(n, dtype=bool)
-    is_corner[mesh.corner_vertices] = True
+    corners = mesh.corner_vertices if len(creases) == 0 else mesh.corner_vertices[:0]
+    is_corner[corners] = True
     counts = ~is_corner[start] & (~on_sharp[start] | np.tile(sharp, 2))
-    start, end = (np.concatenate([part[counts], mesh.corner_vertices]) for part in (start, end))
+    start, end = (np.concatenate([part[counts], corners]) for part in (start, end))
     links = sparse.csr_array(sparse.coo_array((np.ones(len(start)), (start, end)), shape=(n, n)))
     degree = np.asarray(links.sum(axis=1)).ravel()
     return sparse.csr_array(sparse.diags_array(1.0 / np.maximum(degree, 1.0)) @ links)
