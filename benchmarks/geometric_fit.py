@@ -243,11 +243,9 @@ def main():
 def print_growth(lines):
     """The exponent of the seconds over the points, of bumpy balls with as many points a control point."""
     for method in ("least squares", "plain", "adaptive"):
-        points, seconds = np.array([(x["points"], x["seconds"]) for x in lines if x["method"] == method]).T
-        if len(points) > 1:
-            print(
-                f"{method}: seconds grow with the points to the {np.polyfit(np.log(points), np.log(seconds), 1)[0]:.2f}"
-            )
+        sizes = np.log([(x["points"], x["seconds"]) for x in lines if x["method"] == method])
+        if len(sizes) > 1:
+            print(f"{method}: seconds grow with the points to the {np.polyfit(*sizes.T, 1)[0]:.2f}")
 
 
 def as_text(line):
