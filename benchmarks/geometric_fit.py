@@ -1,10 +1,18 @@
 """Surfaces of scans beside sparse least squares: error both ways, folds, seconds, memory; and all updates side by side.
 
-    python benchmarks/geometric_fit.py SCAN:CONTROL_POINTS ... [--schemes] [--updates PICTURE.png] [--json FILE]
+    python benchmarks/geometric_fit.py [SCAN:CONTROL_POINTS ...] [--schemes] [--updates PICTURE.png] [--json FILE]
 
 SCAN may be a file, `file^1` for the file with every triangle cut in four on a smooth surface through it, with smooth
 noise of a hundredth of an edge (a scan of 35,000 points becomes one of 139,000), or `made^N` for a bumpy ball of N
-points. Seconds are processor time, memory the growth of the process in multiples of the scan's arrays.
+points. Without any, bumpy balls of 20,000 to a million points with one control point to 85. Over those that are named,
+at least two, the growth of the plain fit's seconds is told as an exponent.
+
+`plain` is `recon fit --plain`: all control points from the start. `adaptive` is the default: most of them from the
+start, the others where the error is.
+
+Seconds are processor time of one thread. `rounds` is that of the iteration: of least squares six rounds; of a fit those
+rounds after which its E_rms is no larger than that of least squares. `memory` is how far a process of its own grows
+during the fit beyond what it has with the scan and the compiled code loaded, in multiples of the scan's arrays.
 
 The baseline has the same initial mesh, foot points and basis rows. It solves the full distance, six rounds: the normal
 matrix is formed once a round and factorised by SuperLU in symmetric mode with minimum degree ordering, one
@@ -14,8 +22,8 @@ Deviations are in per cent of the diagonal of the scan's box.
 
 import argparse
 import json
+import multiprocessing
 import platform
-import resource
 import time
 from pathlib import Path
 
@@ -41,6 +49,7 @@ from recon.readers.meshes import read_mesh
 from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate
 
 ROUNDS = 6
+SIZES, SHARE = (20_000, 50_000, 134_345, 400_000, 1_000_000), 85  # bumpy balls, and their points a control point
 
 
 def least_squares(scan, n_control):
@@ -91,23 +100,55 @@ def row(name, scan, n_control, schemes):
     mesh, before, record = least_squares(scan, n_control)
     goal = record[-1][0] / diagonal * 100.0
     out = [{"scan": name, "method": "least squares", "control": mesh.n_vertices, "seconds": before + record[-1][1]}]
+    out[0]["points"] = scan.n_vertices
     out[0] |= {"rounds_seconds": record[-1][1]} | both_ways(scan, mesh, tree, diagonal)
     methods = [("plain", Scheme.LOOP, True), ("adaptive", Scheme.LOOP, False)]
     if schemes:
         methods += [(str(scheme), scheme, False) for scheme in Scheme if scheme is not Scheme.LOOP]
     for method, scheme, plain in methods:
-        held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        options, clock = FitOptions(scheme=scheme, control_points=n_control, plain=plain), []
         begin = time.process_time()
-        fit = fit_surface(scan, FitOptions(scheme=scheme, control_points=n_control, plain=plain))
-        seconds = time.process_time() - begin
-        grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held)
-        first = fit.rounds[0].seconds
-        reached = next((r.seconds for r in fit.rounds if r.errors.rms <= goal), None)
-        line = {"scan": name, "method": method, "control": fit.mesh.n_vertices, "seconds": seconds}
-        line |= {"rounds_seconds": fit.rounds[-1].seconds - first, "reaches_least_squares": reached}
-        line |= {"memory": grown / (scan.vertices.nbytes + scan.face_vertices.nbytes)}
+        fit = fit_surface(scan, options, doing=lambda step, clock=clock: clock.append((step, time.process_time())))
+        line = {"scan": name, "method": method, "control": fit.mesh.n_vertices}
+        line |= {"points": scan.n_vertices, "seconds": time.process_time() - begin}
+        line |= {"rounds_seconds": reached(fit, [at for step, at in clock if step.startswith("round ")], goal)}
+        line |= {"memory": grown(scan, options) / (scan.vertices.nbytes + scan.face_vertices.nbytes)}
         out.append(line | both_ways(scan, fit.mesh, tree, diagonal, scheme))
     return out
+
+
+def reached(fit, ends, goal):
+    """Seconds of the rounds until E_rms is no larger than the goal; None where it never is.
+
+    ends  when each round of the last attempt, and of those before, was over
+    """
+    ends = ends[-len(fit.rounds) :]
+    number = next((i for i, r in enumerate(fit.rounds) if r.errors.rms <= goal), None)
+    # when the first round began is not told: it took as long as the second
+    return None if number is None else ends[number] - ends[0] + ends[1] - ends[0]
+
+
+def grown(scan, options):
+    """Bytes by which a process grows during a fit; a new one, as memory once used is used again."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(growth_here, (scan.vertices, scan.face_vertices, options))
+
+
+def growth_here(vertices, faces, options):
+    scan = TriangleMesh(vertices, faces, "scan")
+    del vertices, faces
+    with threadpool_limits(limits=1):
+        fit_surface(bumpy_ball(2000), FitOptions(scheme=options.scheme, control_points=200, plain=options.plain))
+        Path("/proc/self/clear_refs").write_text("5")  # forget the peak until now
+        held = resident("VmRSS")
+        fit_surface(scan, options)
+    return resident("VmHWM") - held
+
+
+def resident(key):
+    """Bytes in memory now (VmRSS) or at the peak (VmHWM), as Linux tells."""
+    rows = Path("/proc/self/status").read_text().splitlines()
+    return 1024 * next(int(row.split()[1]) for row in rows if row.startswith(key))
 
 
 def scan_of(word):
@@ -168,7 +209,9 @@ def draw_updates(path, scan, n_control, n_rounds=20):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scans", nargs="+", help="SCAN:CONTROL_POINTS")
+    parser.add_argument(
+        "scans", nargs="*", default=[f"made^{n}:{n // SHARE}" for n in SIZES], help="SCAN:CONTROL_POINTS"
+    )
     parser.add_argument("--schemes", action="store_true", help="Catmull-Clark and Doo-Sabin surfaces too")
     parser.add_argument("--updates", type=Path, help="draw all updates side by side instead, of the first scan")
     parser.add_argument("--json", type=Path)
@@ -185,23 +228,32 @@ def main():
         else:
             print(
                 f"{'scan':24}{'method':16}{'control':>8}{'E_max':>8}{'E_rms':>8}{'stray':>8}{'rms':>8}{'folds':>6}"
-                f"{'s':>8}{'reach':>8}{'memory':>8}"
+                f"{'s':>8}{'rounds':>8}{'memory':>8}"
             )
             for word in options.scans:
                 word, count = word.rsplit(":", 1)
                 for line in row(Path(word).name, scan_of(word), int(count), options.schemes):
                     lines.append(line)
                     print(as_text(line), flush=True)
+            print_growth([line for line in lines if line["scan"].startswith("made^")])
     if options.json is not None:
         options.json.write_text(json.dumps(lines, indent=1, default=float))
 
 
+def print_growth(lines):
+    """The exponent of the seconds over the points, of bumpy balls with as many points a control point."""
+    for method in ("least squares", "plain", "adaptive"):
+        sizes = np.log([(x["points"], x["seconds"]) for x in lines if x["method"] == method])
+        if len(sizes) > 1:
+            print(f"{method}: seconds grow with the points to the {np.polyfit(*sizes.T, 1)[0]:.2f}")
+
+
 def as_text(line):
-    reach, memory = line.get("reaches_least_squares"), line.get("memory")
+    rounds, memory = line.get("rounds_seconds"), line.get("memory")
     return (
         f"{line['scan']:24}{line['method']:16}{line['control']:8}{line['e_max']:8.3f}{line['e_rms']:8.4f}"
         f"{line['stray_max']:8.3f}{line['stray_rms']:8.4f}{line['folds']:6}{line['seconds']:8.2f}"
-        f"{'' if reach is None else format(reach, '8.2f'):8}{'' if memory is None else format(memory, '8.1f')}"
+        f"{'' if rounds is None else format(rounds, '8.2f'):8}{'' if memory is None else format(memory, '8.1f')}"
     )
 
 

@@ -139,11 +139,14 @@ def _along(patches: LimitPatches, side: Ints, v: Floats, w: Floats) -> Floats:
 
 def _on_free_side(patches: LimitPatches, feet: Feet) -> tuple[Ints, Ints]:
     """Which feet are on a border or a crease, and on which side of their patch."""
-    v, w = feet.v, feet.w
-    inside = [w, 1.0 - v - w, v] if patches.arrays.across.shape[1] == 3 else [w, 1.0 - v, 1.0 - w, v]
-    on = (np.stack(inside, axis=1) <= ON_SIDE) & (patches.arrays.across[feet.patch] < 0)
-    which = np.flatnonzero(on.any(axis=1))
-    return which, on[which].argmax(axis=1)
+    free = patches.arrays.across < 0
+    has_free: Bools = np.asarray(free.any(axis=1))
+    which = np.flatnonzero(has_free[feet.patch])
+    v, w = feet.v[which], feet.w[which]
+    inside = [w, 1.0 - v - w, v] if free.shape[1] == 3 else [w, 1.0 - v, 1.0 - w, v]
+    on = (np.stack(inside, axis=1) <= ON_SIDE) & free[feet.patch[which]]
+    on, which = on[on.any(axis=1)], which[on.any(axis=1)]
+    return which, on.argmax(axis=1)
 
 
 def sideways(patches: LimitPatches, points: Floats, feet: Feet) -> tuple[Ints, Floats]:

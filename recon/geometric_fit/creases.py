@@ -77,20 +77,24 @@ def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: 
     """(m,) the angle between the mean normals of the scan on both sides of each edge, near its middle."""
     if len(edges) == 0:
         return np.empty(0)
-    area_vectors = scan.area_vectors()
-    centres = scan.corners().mean(axis=1)
+    centres = scan.vertices[scan.face_vertices[:, 0]]
+    for corner in (1, 2):
+        centres += scan.vertices[scan.face_vertices[:, corner]]
+    centres /= 3.0
     start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
     middle, length = (start + end) / 2.0, np.linalg.norm(end - start, axis=1)
     across = unit_vectors(np.cross(outward, end - start))
-    distance, near = cKDTree(centres).query(middle, k=min(NEAREST, len(centres)))
+    distance, near = cKDTree(centres, leafsize=32, balanced_tree=False, compact_nodes=False).query(
+        middle, k=min(NEAREST, len(centres))
+    )
     distance, near = distance.reshape(len(edges), -1), near.reshape(len(edges), -1)
     # the edge may lie a little off the scan: what is within reach is counted from the nearest face
     within = distance <= distance[:, :1] + REACH * length[:, None]
     side = np.einsum("mki,mi->mk", centres[near] - centres[near[:, :1]], across)
     side -= np.median(side, axis=1, keepdims=True)
-    left, right = (
-        unit_vectors(np.einsum("mk,mki->mi", within & chosen, area_vectors[near])) for chosen in (side > 0, side < 0)
-    )
+    a, b, c = scan.vertices[scan.face_vertices[near]].transpose(2, 0, 1, 3)
+    normals = np.cross(b - a, c - a)
+    left, right = (unit_vectors(np.einsum("mk,mki->mi", within & chosen, normals)) for chosen in (side > 0, side < 0))
     return np.arccos(np.clip(np.einsum("mi,mi->m", left, right), -1.0, 1.0))
 
 

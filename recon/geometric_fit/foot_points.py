@@ -26,17 +26,40 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from recon.subdivision.evaluation import MAX_SUPPORT, N_BASIS, PatchArrays, patch_weights, points_at
+from recon.subdivision.evaluation import N_BASIS, NetCache, PatchArrays, net_cache, patch_frame, points_at
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Feet", "joined", "nearest_feet", "sample_places", "seed_feet", "walk_feet"]
+__all__ = [
+    "Feet",
+    "Places",
+    "Samples",
+    "joined",
+    "nearest_feet",
+    "patch_order",
+    "sample_places",
+    "seed_feet",
+    "surface_samples",
+    "walk_feet",
+    "walk_on",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+SmallInts = NDArray[np.int32]
+Singles = NDArray[np.float32]
 
 ROUGH, EXACT = 1e-5, 1e-9  # how far a foot may still have to go, as a share of the size of the data
+ON_SIDE = 1e-12  # how far inside a place on a side may seem
 SEEDS = {3: ((1 / 3, 1 / 3), (1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))}  # samples (v, w) in each patch
 SEEDS[4] = ((1 / 4, 1 / 4), (3 / 4, 1 / 4), (1 / 4, 3 / 4), (3 / 4, 3 / 4))
+
+
+class Places(NamedTuple):
+    """Places on the surface, (N,) patch, v and w, in whatever precision they are kept."""
+
+    patch: Ints | SmallInts
+    v: Floats | Singles
+    w: Floats | Singles
 
 
 class Feet(NamedTuple):
@@ -54,6 +77,10 @@ class Feet(NamedTuple):
     def chosen(self, which: Ints) -> "Feet":
         """Those of the numbers `which`."""
         return Feet(self.patch[which], self.v[which], self.w[which], self.positions[which], self.normals[which])
+
+    def places(self) -> Places:
+        """Where they are now: what may be walked on from later."""
+        return Places(self.patch.astype(np.int32), self.v.astype(np.float32), self.w.astype(np.float32))
 
     def replaced(self, which: Ints, others: "Feet") -> "Feet":
         """These feet with others in the places `which`."""
@@ -81,20 +108,36 @@ def nearest_feet(patches: LimitPatches, points: Floats, data: Floats, *, step: f
     points  (R, 3) the points the patches depend on, data (N, 3)
     step    the length of the last step, as a share of the size of the data
     """
-    return walk_feet(patches, points, data, seed_feet(patches, points, data), step=step)
+    feet = seed_feet(surface_samples(patches, points), data)
+    walk_on(patches, points, data, feet, step=step)
+    return feet
 
 
-def seed_feet(patches: LimitPatches, points: Floats, data: Floats, *, n_nearest: int = 1) -> Feet:
+class Samples(NamedTuple):
+    """Places on the surface, (n,) each, and a search tree over their points."""
+
+    patch: Ints
+    v: Floats
+    w: Floats
+    tree: cKDTree
+
+
+def surface_samples(patches: LimitPatches, points: Floats) -> Samples:
+    """Four samples in every patch."""
+    patch, v, w = sample_places(patches)
+    at = points_at(patches.arrays, points, patch, v, w, 1)[:, 0]
+    return Samples(patch, v, w, cKDTree(at, balanced_tree=False, compact_nodes=False))
+
+
+def seed_feet(samples: Samples, data: Floats, *, n_nearest: int = 1) -> Feet:
     """The sample of the surface that is nearest to each data point, then the second nearest of each, and so on.
 
-    The normals are zero.
+    Positions and normals are not set.
     """
-    patch, v, w = sample_places(patches)
-    samples = points_at(patches.arrays, points, patch, v, w, 1)[:, 0]
-    tree = cKDTree(samples, balanced_tree=False, compact_nodes=False)
-    nearest = tree.query(data, k=np.arange(1, n_nearest + 1))[1].T.ravel()
-    nearest = np.minimum(nearest, len(samples) - 1)  # where there are fewer samples, the tree names none
-    return Feet(patch[nearest], v[nearest], w[nearest], samples[nearest], np.zeros_like(samples[nearest]))
+    nearest = samples.tree.query(data, k=np.arange(1, n_nearest + 1))[1].T.ravel()
+    nearest = np.minimum(nearest, samples.tree.n - 1)  # where there are fewer samples, the tree names none
+    unset = (np.empty((len(nearest), 3)), np.empty((len(nearest), 3)))
+    return Feet(samples.patch[nearest], samples.v[nearest], samples.w[nearest], *unset)
 
 
 def sample_places(patches: LimitPatches) -> tuple[Ints, Floats, Floats]:
@@ -106,13 +149,41 @@ def sample_places(patches: LimitPatches) -> tuple[Ints, Floats, Floats]:
 
 
 def walk_feet(
-    patches: LimitPatches, points: Floats, data: Floats, start: Feet, *, step: float = ROUGH, max_steps: int = 30
+    patches: LimitPatches,
+    points: Floats,
+    data: Floats,
+    start: Feet | Places,
+    *,
+    step: float = ROUGH,
+    max_steps: int = 30,
 ) -> Feet:
     """Walk from the places of `start` to the foot points of the data."""
-    allowed = step * float(np.linalg.norm(np.ptp(data, axis=0))) if len(data) else 0.0
-    patch, v, w = start.patch.copy(), start.v.copy(), start.w.copy()
-    positions, normals = _walk(patches.arrays, points, data, patch, v, w, allowed * allowed, max_steps)
-    return Feet(patch, v, w, positions, normals)
+    unset = (np.empty(data.shape), np.empty(data.shape))
+    patch, v, w = start.patch.astype(np.int64), start.v.astype(np.float64), start.w.astype(np.float64)
+    feet = Feet(patch, v, w, *unset)
+    walk_on(patches, points, data, feet, step=step, max_steps=max_steps)
+    return feet
+
+
+def walk_on(
+    patches: LimitPatches, points: Floats, data: Floats, feet: Feet, *, step: float = ROUGH, max_steps: int = 30
+) -> None:
+    """As walk_feet, in place: of a scan of millions of points, feet are kept once."""
+    allowed = step * diagonal_of(data)
+    order, _ = patch_order(feet.patch, len(patches.arrays.tables))
+    locked = data.view()
+    locked.flags.writeable = False  # compiled once, for what may be written to and what may not
+    _walk(patches.arrays, points, locked, *feet, order, net_cache(), allowed**2, max_steps)
+
+
+@njit(cache=True)
+def diagonal_of(data: Floats) -> float:  # pragma: no cover - compiled
+    """Length of the diagonal of the box around (N, 3) points; zero around none."""
+    square = 0.0
+    for axis in range(3):
+        if len(data):
+            square += (data[:, axis].max() - data[:, axis].min()) ** 2
+    return np.sqrt(square)
 
 
 @njit(cache=True)
@@ -146,31 +217,15 @@ def _from_side(k: int, side: int, along: float, inside: float) -> tuple[float, f
 
 
 @njit(cache=True)
-def _place(patches: PatchArrays, points: Floats, patch: int, at: Floats, b: Floats, c: Floats, s: Floats) -> None:
-    """Point and first derivatives into s (3, 3)."""
-    size = patch_weights(patches, patch, at[0], at[1], 3, b, c)
-    first = patches.support_starts[patch]
-    for r in range(3):
-        x, y, z = 0.0, 0.0, 0.0
-        for j in range(size):
-            p = patches.support[first + j]
-            weight = c[r, j]
-            x += weight * points[p, 0]
-            y += weight * points[p, 1]
-            z += weight * points[p, 2]
-        s[r, 0], s[r, 1], s[r, 2] = x, y, z
-
-
-@njit(cache=True)
-def _squared_distance(p: Floats, s: Floats) -> float:
-    x, y, z = p[0] - s[0, 0], p[1] - s[0, 1], p[2] - s[0, 2]
+def _squared_distance(data: Floats, i: int, s: Floats) -> float:
+    x, y, z = data[i, 0] - s[0, 0], data[i, 1] - s[0, 1], data[i, 2] - s[0, 2]
     return x * x + y * y + z * z
 
 
 @njit(cache=True)
-def _step(p: Floats, s: Floats, across: Ints, at: Floats, move: Floats) -> float:
-    """The Gauss-Newton step (dv, dw) into `move`; the square of its length in space."""
-    rx, ry, rz = p[0] - s[0, 0], p[1] - s[0, 1], p[2] - s[0, 2]
+def _step(data: Floats, i: int, s: Floats, across: Ints, patch: int, v: float, w: float) -> tuple[float, float, float]:
+    """The Gauss-Newton step (dv, dw), and the square of its length in space."""
+    rx, ry, rz = data[i, 0] - s[0, 0], data[i, 1] - s[0, 1], data[i, 2] - s[0, 2]
     g = s[1, 0] * rx + s[1, 1] * ry + s[1, 2] * rz
     h = s[2, 0] * rx + s[2, 1] * ry + s[2, 2] * rz
     vv = s[1, 0] * s[1, 0] + s[1, 1] * s[1, 1] + s[1, 2] * s[1, 2]
@@ -179,38 +234,44 @@ def _step(p: Floats, s: Floats, across: Ints, at: Floats, move: Floats) -> float
     damping = 1e-6 * (vv + ww)
     det = (vv + damping) * (ww + damping) - vw * vw
     if not det > 0.0:
-        return 0.0
-    move[0] = ((ww + damping) * g - vw * h) / det
-    move[1] = ((vv + damping) * h - vw * g) / det
-    k = len(across)
+        return 0.0, 0.0, 0.0
+    dv, dw = ((ww + damping) * g - vw * h) / det, ((vv + damping) * h - vw * g) / det
+    k = across.shape[1]
     for side in range(k):
-        along, inside = _to_side(k, side, at[0], at[1])
-        if across[side] < 0 and inside <= 0.0 and _to_side(k, side, at[0] + move[0], at[1] + move[1])[1] < inside:
-            # along the border: d is the direction of the side in the derivatives by v and w
-            v, w = _from_side(k, side, 0.0, 0.0)
+        if across[patch, side] >= 0:
+            continue
+        along, inside = _to_side(k, side, v, w)
+        if inside <= ON_SIDE and _to_side(k, side, v + dv, w + dw)[1] < inside:
+            # along the border: (to_v, to_w) is the direction of the side in the derivatives by v and w
+            from_v, from_w = _from_side(k, side, 0.0, 0.0)
             to_v, to_w = _from_side(k, side, 1.0, 0.0)
-            dv, dw = to_v - v, to_w - w
-            slope = dv * g + dw * h
-            square = dv * dv * vv + 2 * dv * dw * vw + dw * dw * ww
+            to_v, to_w = to_v - from_v, to_w - from_w
+            slope = to_v * g + to_w * h
+            square = to_v * to_v * vv + 2 * to_v * to_w * vw + to_w * to_w * ww
             t = slope / square if square > 0.0 else 0.0
             t = min(max(t, -along), 1.0 - along)
-            move[0], move[1] = t * dv, t * dw
-            return t * t * square
-    return move[0] * g + move[1] * h
+            return t * to_v, t * to_w, t * t * square
+    return dv, dw, dv * g + dw * h
 
 
 @njit(cache=True)
-def _go(patches: PatchArrays, patch: int, at: Floats, move: Floats, share: float, to: Floats) -> int:
-    """The place a share of the move away into `to`; its patch."""
-    k = patches.across.shape[1]
+def _is_inside(k: int, v: float, w: float) -> bool:
+    return v >= 0.0 and w >= 0.0 and (v + w <= 1.0 if k == 3 else max(v, w) <= 1.0)
+
+
+@njit(cache=True)
+def _go(across: Ints, patch: int, v: float, w: float, dv: float, dw: float) -> tuple[int, float, float]:
+    """The patch and the place that a move leads to."""
+    k = across.shape[1]
+    if _is_inside(k, v + dv, w + dw):
+        return patch, v + dv, w + dw
     reach = 1.0
     for side in range(k):
-        if patches.across[patch, side] < 0:
-            inside = _to_side(k, side, at[0], at[1])[1]
-            after = _to_side(k, side, at[0] + share * move[0], at[1] + share * move[1])[1]
+        if across[patch, side] < 0:
+            inside, after = _to_side(k, side, v, w)[1], _to_side(k, side, v + dv, w + dw)[1]
             if after < 0.0:
                 reach = min(reach, max(inside, 0.0) / (inside - after))
-    v, w = at[0] + reach * share * move[0], at[1] + reach * share * move[1]
+    v, w = v + reach * dv, w + reach * dw
     for _ in range(12):
         out, depth = 0, 0.0
         for side in range(k):
@@ -219,18 +280,33 @@ def _go(patches: PatchArrays, patch: int, at: Floats, move: Floats, share: float
                 out, depth = side, inside
         if depth >= 0.0:
             break
-        other = patches.across[patch, out]
+        other = across[patch, out]
         if other < 0:
             break
         # the side runs the other way there, and what was outside is inside
         along, inside = _to_side(k, out, v, w)
         patch = other // k
         v, w = _from_side(k, other % k, 1.0 - along, -inside)
-    to[0], to[1] = min(max(v, 0.0), 1.0), min(max(w, 0.0), 1.0)
-    if k == 3 and to[0] + to[1] > 1.0:
-        total = to[0] + to[1]
-        to[0], to[1] = to[0] / total, 1.0 - to[0] / total
-    return patch
+    v, w = min(max(v, 0.0), 1.0), min(max(w, 0.0), 1.0)
+    if k == 3 and v + w > 1.0:
+        v = v / (v + w)
+        w = 1.0 - v
+    return patch, v, w
+
+
+@njit(cache=True)
+def patch_order(patch: Ints, n_patches: int) -> tuple[SmallInts, Ints]:  # pragma: no cover - compiled
+    """(N,) the places patch after patch, so that what is known of a patch is at hand for all of them; (P + 1,) where
+    those in each patch begin."""
+    starts = np.zeros(n_patches + 1, dtype=np.int64)
+    for p in patch:
+        starts[p + 1] += 1
+    starts = np.cumsum(starts)
+    order, filled = np.empty(len(patch), dtype=np.int32), starts.copy()
+    for i in range(len(patch)):
+        order[filled[patch[i]]] = i
+        filled[patch[i]] += 1
+    return order, starts
 
 
 @njit(cache=True, nogil=True)
@@ -241,45 +317,43 @@ def _walk(
     patch: Ints,
     v: Floats,
     w: Floats,
+    positions: Floats,
+    normals: Floats,
+    order: SmallInts,
+    cache: NetCache,
     allowed: float,
     max_steps: int,
-) -> tuple[Floats, Floats]:
-    """Walk all data points; patch, v and w are changed in place; positions and unit normals."""
-    positions, normals = np.empty_like(data), np.zeros_like(data)
-    b, c = np.empty((6, N_BASIS)), np.empty((6, MAX_SUPPORT))
-    here, there, place, to, move = np.empty((3, 3)), np.empty((3, 3)), np.empty(2), np.empty(2), np.empty(2)
-    for i in range(len(data)):
-        at = patch[i]
-        place[0], place[1] = v[i], w[i]
-        _place(patches, points, at, place, b, c, here)
-        best = _squared_distance(data[i], here)
+) -> None:
+    """Walk all data points; the feet, given by their places, are changed in place."""
+    b = np.empty((6, N_BASIS))
+    across = patches.across
+    here, there = np.empty((3, 3)), np.empty((3, 3))
+    for i in order:
+        at, at_v, at_w = patch[i], v[i], w[i]
+        patch_frame(patches, points, at, at_v, at_w, cache, b, here)
+        best = _squared_distance(data, i, here)
         for _ in range(max_steps):
-            length = _step(data[i], here, patches.across[at], place, move)
+            dv, dw, length = _step(data, i, here, across, at, at_v, at_w)
             if length <= allowed:
                 break
-            longest = max(abs(move[0]), abs(move[1]), abs(move[0] + move[1]))
-            share, moved = min(1.0, 1.5 / longest), False
+            share, moved = min(1.0, 1.5 / max(abs(dv), abs(dw), abs(dv + dw))), False
             for _ in range(6):
-                new = _go(patches, at, place, move, share, to)
-                _place(patches, points, new, to, b, c, there)
-                distance = _squared_distance(data[i], there)
+                to, to_v, to_w = _go(across, at, at_v, at_w, share * dv, share * dw)
+                patch_frame(patches, points, to, to_v, to_w, cache, b, there)
+                distance = _squared_distance(data, i, there)
                 if distance < best:
-                    moved = True
+                    at, at_v, at_w, best, moved = to, to_v, to_w, distance, True
+                    here, there = there, here
                     break
                 share *= 0.35
             if not moved:
                 break
-            at, best = new, distance
-            # slices would do, but take seconds to compile
-            place[0], place[1] = to[0], to[1]
-            here, there = there, here
-        patch[i], v[i], w[i] = at, place[0], place[1]
+        patch[i], v[i], w[i] = at, at_v, at_w
         for axis in range(3):
             positions[i, axis] = here[0, axis]
         nx = here[1, 1] * here[2, 2] - here[1, 2] * here[2, 1]
         ny = here[1, 2] * here[2, 0] - here[1, 0] * here[2, 2]
         nz = here[1, 0] * here[2, 1] - here[1, 1] * here[2, 0]
         norm = np.sqrt(nx * nx + ny * ny + nz * nz)
-        if norm > 0.0:
-            normals[i, 0], normals[i, 1], normals[i, 2] = nx / norm, ny / norm, nz / norm
-    return positions, normals
+        scale = 1.0 / norm if norm > 0.0 else 0.0
+        normals[i, 0], normals[i, 1], normals[i, 2] = scale * nx, scale * ny, scale * nz

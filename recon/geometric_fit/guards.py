@@ -8,6 +8,7 @@ The error from the data to the surface says nothing about surface that is neares
            points around are made stiffer, until the fold is gone
 """
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,9 @@ from recon.geometric_fit.foot_points import Feet, sample_places
 from recon.geometric_fit.scan_data import FOLD, ScanData
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
+from recon.numerics.face_loops import turned_pairs
 from recon.numerics.halfedges import edge_table
+from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches, tessellation_places
 
 __all__ = ["Guards", "Strays", "fairness", "neighbour_means"]
@@ -47,23 +50,32 @@ class Guards:
     """Both guards for one control mesh; what depends on its connections alone is made once."""
 
     def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
-        self._scan, self._n_control = scan, mesh.n_vertices
-        self._samples = _feet_at(*sample_places(patches))
-        self._to_samples = basis_rows(patches, self._samples).matrix(self._n_control)
+        self._mesh, self._patches, self._scan, self._n_control = mesh, patches, scan, mesh.n_vertices
+        self._samples = sample_places(patches)
         patch, v, w, triangles = tessellation_places(patches.sheets, 1)
         to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
-        self._to_corners, self._triangles, joined = _welded(to_corners, triangles)
+        joined = np.zeros(len(patch), dtype=np.bool_)
+        if len(mesh.crease_edges):
+            to_corners, triangles, joined = _welded(to_corners, triangles)
+        self._to_corners = to_corners
+        table = edge_table(triangles)
+        self._triangles = triangles.astype(np.int32)
+        edge, self._one, self._two = (x.astype(np.int32) for x in table.face_pairs())
+        self._ends = table.edges.astype(np.int32)[edge]
+        self._limit = np.where(joined[self._ends].all(axis=1), CREASE_FOLD, FOLD)
+
+    @cached_property
+    def _around(self) -> sparse.csr_array:
+        """(V, V) which control points share a face."""
+        mesh = self._mesh
         ones = np.ones(len(mesh.face_corners))
         incidence = sparse.csr_array((ones, mesh.face_corners, mesh.face_starts), shape=(mesh.n_faces, mesh.n_vertices))
-        self._around = sparse.csr_array(incidence.T @ incidence)
-        table = edge_table(self._triangles)
-        edge, self._one, self._two = table.face_pairs()
-        self._ends = table.edges[edge]
-        self._limit = np.where(joined[self._ends].all(axis=1), CREASE_FOLD, FOLD)
+        return sparse.csr_array(incidence.T @ incidence)
 
     def strays(self, control_points: Floats, allowed: float) -> Strays:
         """The samples of the surface that are farther from the scan than `allowed`, a length."""
-        scan, places = self._scan, self._to_samples @ control_points
+        scan, patches, (patch, v, w) = self._scan, self._patches, self._samples
+        places = points_at(patches.arrays, patches.points @ control_points, patch, v, w, 1)[:, 0]
         distance, nearest = scan.tree.query(places)
         away = places - scan.points[nearest]
         height = np.abs(np.einsum("ij,ij->i", away, scan.normals[nearest]))
@@ -76,16 +88,12 @@ class Guards:
         # not the normals of the scan: beyond its border the way back is along them
         normals = target - places[far]
         normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-        at = self._samples
-        return Strays(Feet(at.patch[far], at.v[far], at.w[far], places[far], normals), target)
+        return Strays(Feet(patch[far], v[far], w[far], places[far], normals), target)
 
     def folded(self, control_points: Floats) -> Bools:
         """(V,) the control points of faces with a fold that the scan does not have."""
         corners = self._to_corners @ control_points
-        a, b, c = corners[self._triangles].transpose(1, 0, 2)
-        normal = np.cross(b - a, c - a)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-        turned = np.flatnonzero(np.einsum("ij,ij->i", normal[self._one], normal[self._two]) < self._limit)
+        turned = turned_pairs(corners, self._triangles, self._one, self._two, self._limit)
         if len(self._scan.folds) and len(turned):
             middle = corners[self._ends[turned]].mean(axis=1)
             turned = turned[self._scan.fold_tree.query(middle)[0] > SAME_PLACE * self._scan.diagonal]
@@ -121,7 +129,10 @@ def fairness(mesh: ControlMesh, stiffness: Floats) -> sparse.csr_array:
 
 
 def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
-    """(V, V) mean of the neighbours of every control point; on creases and borders of those along them."""
+    """(V, V) mean of the neighbours of each control point, on creases and borders of those along them.
+
+    Corners of a border stay, unless there are creases, too: at those the means make a way out of folds.
+    """
     faces, n = mesh.faces_of(int(mesh.face_starts[1])), mesh.n_vertices
     table = edge_table(faces)
     creases = np.sort(mesh.crease_edges, axis=1)
@@ -130,7 +141,11 @@ def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
     on_sharp = np.zeros(n, dtype=bool)
     on_sharp[edges[sharp]] = True
     start, end = np.concatenate([edges, edges[:, ::-1]]).T
-    counts = ~on_sharp[start] | np.tile(sharp, 2)
-    links = sparse.csr_array(sparse.coo_array((np.ones(counts.sum()), (start[counts], end[counts])), shape=(n, n)))
+    is_corner = np.zeros(n, dtype=bool)
+    corners = mesh.corner_vertices if len(creases) == 0 else mesh.corner_vertices[:0]
+    is_corner[corners] = True
+    counts = ~is_corner[start] & (~on_sharp[start] | np.tile(sharp, 2))
+    start, end = (np.concatenate([part[counts], corners]) for part in (start, end))
+    links = sparse.csr_array(sparse.coo_array((np.ones(len(start)), (start, end)), shape=(n, n)))
     degree = np.asarray(links.sum(axis=1)).ravel()
     return sparse.csr_array(sparse.diags_array(1.0 / np.maximum(degree, 1.0)) @ links)

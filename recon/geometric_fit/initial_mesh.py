@@ -6,6 +6,9 @@ built along the border for the time being, square to the surface, which makes a 
     surface ___________
                       |  wall            its faces are followed through the collapses, and taken away afterwards
 
+The simplifier needs five times the memory of what it simplifies, and keeps it. So a large scan is first thinned block
+by block, the edges between blocks as they are, to a mesh of some times the points asked for.
+
 Paper  [garland1997], the error of a collapse as a quadric; [maekawa2009], its use as initial control mesh.
 """
 
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 from recon.errors import Refusal
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.halfedges import edge_table, free_edges, opposite_sides, vertex_normals
+from recon.numerics.halfedges import FREE, TANGLED, paired_sides, vertex_normals
 
 __all__ = ["NoControlMesh", "initial_mesh"]
 
@@ -32,6 +35,8 @@ SHARES = (1.0, 0.99, 0.97, 0.94, 0.9, 0.8, 0.7)  # of the count, tried in turn w
 WALL = 2.0  # height of the walls in border edges
 WALL_PASSES = 5  # more attempts where part of each goes into the walls
 SPARE = 4  # times the count to which all attempts share the way
+BLOCK = 25_000  # faces simplified at once
+THINNED, THINNING_PACE = 8, 5.0  # times the count that is left of all blocks, and the pace on the way there
 
 
 class NoControlMesh(Refusal):
@@ -45,7 +50,8 @@ def initial_mesh(scan: TriangleMesh, n_vertices: int) -> ControlMesh:
     """
     low, high = scan.vertices.min(axis=0), scan.vertices.max(axis=0)
     scale = BOX / max(float((high - low).max()), 1e-300)
-    boxed = _simplified(_walled((scan.vertices - low) * scale, scan.face_vertices), SPARE * n_vertices)
+    whole = _thinned(_walled((scan.vertices - low) * scale, scan.face_vertices), THINNED * n_vertices)
+    boxed = _simplified(whole, SPARE * n_vertices)
     for share in SHARES:
         found = _simplified(boxed, max(int(share * n_vertices), 4))
         used, renumbered = np.unique(found.surface(), return_inverse=True)
@@ -71,7 +77,8 @@ class _Walled(NamedTuple):
 
 
 def _walled(vertices: Floats, faces: Ints) -> _Walled:
-    border = free_edges(faces)
+    face, side = np.nonzero(paired_sides(faces) == FREE)
+    border = np.stack([faces[face, side], faces[face, (side + 1) % 3]], axis=1)
     if len(border) == 0:
         return _Walled(vertices, faces, np.zeros(len(faces), dtype=np.bool_))
     height = WALL * float(np.linalg.norm(vertices[border[:, 0]] - vertices[border[:, 1]], axis=1).mean())
@@ -88,6 +95,43 @@ def _walled(vertices: Floats, faces: Ints) -> _Walled:
     return _Walled(np.concatenate([vertices, lowered]), np.concatenate([faces, wall]), on_wall)
 
 
+def _thinned(mesh: _Walled, n_vertices: int) -> _Walled:
+    """The mesh simplified block by block, to about so many vertices; edges between blocks stay as they are."""
+    if len(mesh.faces) <= 2 * BLOCK or len(mesh.vertices) <= n_vertices:
+        return mesh
+    number = np.full(len(mesh.vertices), -1)
+    blocks = _blocks(mesh.vertices[mesh.faces[:, 0]].astype(np.float32))
+    vertices, faces, on_wall, n_found = [], [], [], 0
+    for block in blocks:
+        used, place = np.unique(mesh.faces[block], return_inverse=True)
+        part = _Walled(mesh.vertices[used], place.reshape(-1, 3), mesh.on_wall[block])
+        n_kept = int((paired_sides(part.faces) == FREE).sum())
+        left = _followed(part, 2 * n_vertices // len(blocks) + n_kept, THINNING_PACE, preserve_border=True)
+        survivors = used[left.survivors]
+        new = number[survivors] < 0  # what lies between blocks has kept its place, and comes once
+        number[survivors[new]] = n_found + np.arange(new.sum())
+        n_found += int(new.sum())
+        vertices.append(left.mesh.vertices[new])
+        faces.append(number[survivors][left.mesh.faces])
+        on_wall.append(left.mesh.on_wall)
+    return _Walled(np.concatenate(vertices), np.concatenate(faces), np.concatenate(on_wall))
+
+
+def _blocks(places: NDArray[np.float32]) -> list[Ints]:
+    """Numbers of the places (n, 3), halved across their longest way until none has more than BLOCK."""
+    done, waiting = [], [np.arange(len(places))]
+    while waiting:
+        block = waiting.pop()
+        if len(block) <= BLOCK:
+            done.append(np.sort(block))
+            continue
+        at = places[block]
+        half = len(block) // 2
+        order = np.argpartition(at[:, np.ptp(at, axis=0).argmax()], half)
+        waiting += [block[order[:half]], block[order[half:]]]
+    return done
+
+
 def _simplified(mesh: _Walled, n_vertices: int) -> _Walled:
     """Collapse until the surface has few enough vertices, slowly first, or until that leads no further."""
     for pace in (*PACES, *[PACES[-1]] * (WALL_PASSES if mesh.on_wall.any() else 1)):
@@ -100,12 +144,29 @@ def _simplified(mesh: _Walled, n_vertices: int) -> _Walled:
 
 
 def _collapsed(mesh: _Walled, target: int, pace: float) -> _Walled:
-    arguments = (mesh.vertices, mesh.faces.copy())
-    if not mesh.on_wall.any():
-        found, triangles = fast_simplification.simplify(*arguments, target_count=int(target), agg=pace)
-        return _Walled(found, triangles.astype(np.int64), np.zeros(len(triangles), dtype=np.bool_))
+    if mesh.on_wall.any():
+        return _followed(mesh, target, pace).mesh
+    faces = mesh.faces.astype(np.int32)  # a copy, which may be written to
+    found, triangles = fast_simplification.simplify(mesh.vertices, faces, target_count=int(target), agg=pace)
+    return _Walled(found, triangles.astype(np.int64), np.zeros(len(triangles), dtype=np.bool_))
+
+
+class _Followed(NamedTuple):
+    """A mesh after collapses, and which vertices of the one before are left, in order."""
+
+    mesh: _Walled
+    survivors: Bools
+
+
+def _followed(mesh: _Walled, target: int, pace: float, *, preserve_border: bool = False) -> _Followed:
+    """As _collapsed, and it is known what became of every vertex and face."""
     found, triangles, collapses = fast_simplification.simplify(
-        *arguments, target_count=int(target), agg=pace, return_collapses=True
+        mesh.vertices,
+        mesh.faces.astype(np.int32),
+        target_count=int(min(target, len(mesh.faces))),
+        agg=pace,
+        return_collapses=True,
+        preserve_border=preserve_border,
     )
     into = np.arange(len(mesh.vertices))
     into[collapses[:, 1]] = collapses[:, 0]
@@ -113,14 +174,15 @@ def _collapsed(mesh: _Walled, target: int, pace: float) -> _Walled:
         into[further] = into[into[further]]
     corners = into[mesh.faces]
     kept = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    if kept.sum() != len(triangles):
+    survivors = np.zeros(len(into), dtype=np.bool_)
+    survivors[corners[kept]] = True
+    if kept.sum() != len(triangles) or survivors.sum() != len(found):
         raise NoControlMesh("the scan cannot be simplified: its border is lost on the way.")
-    return _Walled(found, triangles.astype(np.int64), mesh.on_wall[kept])
+    return _Followed(_Walled(found, triangles.astype(np.int64), mesh.on_wall[kept]), survivors)
 
 
 def _is_manifold(faces: Ints) -> bool:
     """Whether there are faces with three corners each, and every edge has at most two, opposite in direction."""
     if len(faces) == 0 or (faces == np.roll(faces, 1, axis=1)).any():
         return False
-    table = edge_table(faces)
-    return not ((opposite_sides(faces) < 0) & (table.uses[table.face_edges] > 1)).any()
+    return not (paired_sides(faces) == TANGLED).any()

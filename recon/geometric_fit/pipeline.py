@@ -13,9 +13,11 @@ pulled back (`guards`).
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from threadpoolctl import threadpool_limits
 
 from recon.errors import BadGeometry, NoSurface
@@ -24,21 +26,23 @@ from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
 from recon.geometric_fit.creases import n_loose_ends, with_creases
 from recon.geometric_fit.exact_distances import exact_distances
 from recon.geometric_fit.folding import stepped, unfolded
-from recon.geometric_fit.foot_points import Feet, joined, nearest_feet, walk_feet
+from recon.geometric_fit.foot_points import Feet, joined, nearest_feet, walk_feet, walk_on
 from recon.geometric_fit.growth import Growth
 from recon.geometric_fit.guards import Guards, Strays, fairness
 from recon.geometric_fit.hole_filling import close_holes
-from recon.geometric_fit.initial_mesh import initial_mesh
+from recon.geometric_fit.initial_mesh import NoControlMesh, initial_mesh
 from recon.geometric_fit.options import FitOptions, FittedSurface
+from recon.geometric_fit.patch_rows import PatchColumns, patch_columns, patch_part
 from recon.geometric_fit.quad_mesh import initial_quads
 from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
 from recon.geometric_fit.relaxation import relaxed
-from recon.geometric_fit.reweighting import reweighed
+from recon.geometric_fit.reweighting import GENTLE, STEEP, reweighed
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
 from recon.geometric_fit.sharpening import SharpScan, sharpened
-from recon.geometric_fit.updates import Pull, Updater, rows_for
+from recon.geometric_fit.updates import METRICS, PatchPull, Pull, Updater, rows_for
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
+from recon.numerics.rows import row_distances
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches, Scheme, limit_patches
 
@@ -49,12 +53,15 @@ Ints = NDArray[np.int64]
 
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
 RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
+FEWEST = 100  # control points at which no fewer are tried
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
 ROUNDS = 4  # before each refinement
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
-FAIRNESS = 1e-3  # weight of the control mesh's own energy, as a share of the data's
+FAIRNESS, LEAST_FAIRNESS = 1e-3, 1.5e-4  # weight of the control mesh's own energy, as a share of the data's
+CALMER = 0.8  # times as much of it from round to round
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
 EASING = 1.4  # times less stiff a round where it would not
+WORSE, SHORTENINGS = 1.5, 3  # times the rms error after which a step is halved, and how often
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
 FEWER = (1.0, 0.95, 0.9, 0.85, 0.8)  # of the control points asked for, where a surface with sharp edges folds
 FOLD_COST = 3.0  # times the error: what a fit that folds must be better by than one that does not
@@ -118,6 +125,14 @@ def _fewer(options: FitOptions) -> list[FitOptions]:
     return [replace(options, control_points=count) for count in counts]
 
 
+class _Ground(NamedTuple):
+    """A control mesh with what depends on its connections alone."""
+
+    mesh: ControlMesh
+    patches: LimitPatches
+    guards: Guards
+
+
 class _Fit:
     """One run: the scan, what has been reached, and the record."""
 
@@ -133,7 +148,7 @@ class _Fit:
         if options.crease_angle < np.pi:
             self._sharp = sharpened(whole, options.crease_angle)
         self._scan = scan_data(whole, self._limit, sharp=self._sharp, n_measured=scan.n_vertices)
-        self._weights = self._scan.weights.copy()
+        self._weights = self._scan.weights
         self._record: list[Round] = []
 
     @property
@@ -143,18 +158,19 @@ class _Fit:
 
     def run(self) -> FittedSurface:
         self._doing("simplifying the scan")
-        mesh = self._initial()
+        ground = self._ground(self._initial())
         stopped, cycle, last = None, 0, None
         while stopped is None:
-            final = self._options.plain or mesh.n_vertices >= self._full()
+            final = self._options.plain or ground.mesh.n_vertices >= self._full()
             n_rounds = self._options.rounds if final else ROUNDS
-            mesh, patches, feet = self._settled(mesh, cycle, n_rounds)
+            ground, feet = self._settled(ground, cycle, n_rounds)
             errors = norms(self._distances(feet), self._scan.diagonal)
             stopped = self._growth.ended(errors, last, diagonal=self._scan.diagonal, final=final)
             if stopped is None:
                 last, cycle = errors, cycle + 1
-                mesh = self._refined(mesh, feet, cycle)
-        return self._finished(mesh, patches, feet, stopped)
+                ground = self._refined(ground.mesh, feet, cycle)
+                del feet  # those of the next control mesh need the room
+        return self._finished(ground, feet, stopped)
 
     def _initial(self) -> ControlMesh:
         """The control mesh to start from."""
@@ -169,11 +185,24 @@ class _Fit:
         scan = self._sharp.mesh
         angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
         mesh = with_creases(initial_mesh(scan, count), self._sharp, angle)
-        while n_loose_ends(mesh) > RAGGED * len(mesh.crease_edges) and count > 100 and not self._options.plain:
-            # the simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later
-            count = int(COARSER * count)
-            mesh = with_creases(initial_mesh(scan, count), self._sharp, angle)
+        if _is_ragged(mesh) and not self._options.plain:
+            mesh = self._less_ragged(count, angle) or initial_mesh(scan, count)
         return relaxed(mesh, scan) if len(mesh.crease_edges) else flip_to_even_valences(mesh)
+
+    def _less_ragged(self, count: int, angle: float) -> ControlMesh | None:
+        """A coarser mesh whose sharp edges are chains, if there are any in the end.
+
+        The simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later.
+        """
+        while count > FEWEST:
+            count = int(COARSER * count)
+            try:
+                mesh = with_creases(initial_mesh(self._sharp.mesh, count), self._sharp, angle)
+            except NoControlMesh:
+                return None
+            if not _is_ragged(mesh):
+                return mesh if len(mesh.crease_edges) else None
+        return mesh if len(mesh.crease_edges) else None
 
     def _fitted_triangles(self, count: int) -> ControlMesh:
         """The control mesh of a Loop surface: its points are where the error was, its valences even."""
@@ -193,73 +222,106 @@ class _Fit:
         share = FIRST_SHARE if self._options.scheme is Scheme.LOOP else FIRST_QUADS
         return max(int(share * self._limit), 4)
 
-    def _settled(self, mesh: ControlMesh, cycle: int, n_rounds: int) -> tuple[ControlMesh, LimitPatches, Feet]:
-        """Some rounds on one control mesh: pull, move, find the feet again."""
-        scan = self._scan
+    def _ground(self, mesh: ControlMesh) -> _Ground:
         patches = limit_patches(mesh, self._options.scheme)
-        guards, borders = Guards(mesh, patches, scan), Borders(mesh, patches, scan)
+        return _Ground(mesh, patches, Guards(mesh, patches, self._scan))
+
+    def _settled(self, ground: _Ground, cycle: int, n_rounds: int) -> tuple[_Ground, Feet]:
+        """Some rounds on one control mesh: pull, move, find the feet again."""
+        (mesh, patches, guards), scan = ground, self._scan
+        borders, columns = Borders(mesh, patches, scan), patch_columns(patches)
         # a step is only allowed to keep what is not folded so: start without folds
         points = unfolded(mesh, guards)[0].vertices
         feet = nearest_feet(patches, patches.points @ points, scan.points, step=1e-5)
-        usual = FAIRNESS * scan.n_measured / mesh.n_vertices
-        stiffness = np.full(mesh.n_vertices, usual)
-        energy, updater = fairness(mesh, stiffness), Updater(self._options.update)
+        distance = row_distances(feet.positions, scan.points)
+        stiffer, updater = np.ones(mesh.n_vertices), Updater(self._options.update)
         strays: Strays | None = None
-        best = ((mesh.n_vertices + 1, np.inf), points, feet)
+        best, number_of_best = ((mesh.n_vertices + 1, np.inf), points, feet.places()), -1
         for number in range(n_rounds):
             if number % 2 == 0 or strays is None:
-                allowed = STRAY * float(np.sqrt(np.mean(self._distances(feet) ** 2)))
-                strays = guards.strays(points, allowed)
-            pull = self._pull(mesh, patches, (points, feet), (strays, borders.pull(points)))
-            step = stepped(guards, points, updater.moved(points, pull._replace(fairness=energy)))
-            points = step.points
+                strays = guards.strays(points, STRAY * self._rms(distance))
+            energy = fairness(mesh, stiffer * self._fairness() * scan.n_measured / mesh.n_vertices)
+            more = self._more(patches, (points, feet), (strays, borders.pull(points)))
+            new = updater.moved(points, self._pull(ground, columns, feet, more, energy))
+            step = stepped(guards, points, new)
             if step.folding.any():
-                eased = np.maximum(stiffness / EASING, usual)
-                stiffness = np.where(step.folding, np.minimum(STIFFER * stiffness, STIFFEST * usual), eased)
-                energy = fairness(mesh, stiffness)
-            placed = patches.points @ points
-            feet = borders.hopped(placed, scan.points, walk_feet(patches, placed, scan.points, feet))
-            errors = self._note(mesh, feet)
+                eased = np.maximum(stiffer / EASING, 1.0)
+                stiffer = np.where(step.folding, np.minimum(STIFFER * stiffer, STIFFEST), eased)
+            old, before = points, self._rms(distance)
+            for halving in range(SHORTENINGS + 1):
+                if halving:  # points slid away along the surface, as they may at a border
+                    step = stepped(guards, old, 0.5 * (old + points))
+                points = step.points
+                placed = patches.points @ points
+                walk_on(patches, placed, scan.points, feet)
+                feet = borders.hopped(placed, scan.points, feet)
+                distance = row_distances(feet.positions, scan.points)
+                if self._rms(distance) <= WORSE * before:
+                    break
+            errors = self._note(mesh, distance)
             # the largest error jumps from round to round where the scan has two sheets close together
             merit = (int(step.folded.sum()), errors.rms * errors.maximum)
             if merit <= best[0]:
-                best = merit, points, feet
+                best, number_of_best = (merit, points, feet.places()), number
             if cycle > 0 or self._options.robust:
-                self._reweigh(feet)
-        return mesh.with_vertices(best[1]), patches, best[2]
+                growth = GENTLE if scan.is_open or len(scan.sharp_edges) else STEEP
+                self._weights = reweighed(self._weights, scan, distance, growth, robust=self._options.robust)
+        if number_of_best < n_rounds - 1:
+            points, feet = best[1], walk_feet(patches, patches.points @ best[1], scan.points, best[2])
+        return ground._replace(mesh=mesh.with_vertices(points)), feet
+
+    def _fairness(self) -> float:
+        """Less from round to round: what keeps the first rounds calm only keeps the last ones from the data."""
+        return max(FAIRNESS * CALMER ** len(self._record), LEAST_FAIRNESS)
+
+    def _rms(self, distance: Floats) -> float:
+        return float(np.sqrt(np.mean(distance[: self._scan.n_measured] ** 2)))
 
     def _distances(self, feet: Feet) -> Floats:
         """(N,) of the measured points."""
         n = self._scan.n_measured
-        return np.linalg.norm(feet.positions[:n] - self._scan.points[:n], axis=1)
+        return row_distances(feet.positions[:n], self._scan.points[:n])
 
-    def _pull(
-        self, mesh: ControlMesh, patches: LimitPatches, at: tuple[Floats, Feet], more: tuple[Strays, BorderPull]
-    ) -> Pull:
-        """Data points, those of them that pull sideways, and samples that stay where they are in their patches."""
-        (control_points, feet), (strays, border) = at, more
+    def _more(
+        self, patches: LimitPatches, at: tuple[Floats, Feet], guarded: tuple[Strays, BorderPull]
+    ) -> tuple[Feet, Floats, Floats]:
+        """Feet, targets and weights beside those of the data points: of those that pull sideways, and of samples
+        that stay where they are in their patches."""
+        (control_points, feet), (strays, border) = at, guarded
         scan, points = self._scan, patches.points @ control_points
         astray = strays.feet
         positions = points_at(patches.arrays, points, astray.patch, astray.v, astray.w, 1)[:, 0]
         beside, conormals = sideways(patches, points, feet)
         again = feet.chosen(beside)._replace(normals=conormals)
-        parts = (feet, again, astray._replace(positions=positions), border.feet)
-        all_feet = joined(parts)
-        targets = np.concatenate([scan.points, scan.points[beside], strays.targets, border.targets])
         # as much as the data points along it
         along = np.sqrt(scan.n_measured / len(control_points)) / 4.0
         others = np.repeat([STRAY_WEIGHT, along], [len(astray.patch), len(border.targets)])
-        weights = np.concatenate([self._weights, self._weights[beside], others])
-        rows = rows_for(self._options.update, patches, all_feet, _faces(mesh))
-        return Pull(rows, targets - all_feet.positions, all_feet.normals, weights, patches.points[:0])
+        return (
+            joined((again, astray._replace(positions=positions), border.feet)),
+            np.concatenate([scan.points[beside], strays.targets, border.targets]),
+            np.concatenate([self._weights[beside], others]),
+        )
 
-    def _reweigh(self, feet: Feet) -> None:
-        """Points far off count more from round to round, up to 37 times: the largest error falls. Or less: robust."""
-        distance = np.linalg.norm(feet.positions - self._scan.points, axis=1)
-        self._weights = reweighed(self._weights, self._scan, distance, robust=self._options.robust)
+    def _pull(
+        self,
+        ground: _Ground,
+        columns: PatchColumns,
+        feet: Feet,
+        more: tuple[Feet, Floats, Floats],
+        energy: sparse.csr_array,
+    ) -> Pull | PatchPull:
+        """Data points, and what is beside them."""
+        data = (feet, self._scan.points, self._weights)
+        if self._options.update in METRICS:
+            metric = METRICS[self._options.update]
+            return PatchPull(tuple(patch_part(columns, *part, metric) for part in (data, more)), energy)
+        all_feet = joined((feet, more[0]))
+        targets, weights = (np.concatenate([data[i], more[i]]) for i in (1, 2))
+        rows = rows_for(self._options.update, ground.patches, all_feet, _faces(ground.mesh))
+        return Pull(rows, targets - all_feet.positions, all_feet.normals, weights, energy)
 
-    def _note(self, mesh: ControlMesh, feet: Feet) -> Norms:
-        errors = norms(self._distances(feet), self._scan.diagonal)
+    def _note(self, mesh: ControlMesh, distance: Floats) -> Norms:
+        errors = norms(distance[: self._scan.n_measured], self._scan.diagonal)
         self._record.append(Round(len(self._record) + 1, mesh.n_vertices, errors, time.perf_counter() - self._begin))
         self._doing(
             f"round {len(self._record)}: {mesh.n_vertices} control points, rms {errors.rms:.4f} %, "
@@ -267,20 +329,20 @@ class _Fit:
         )
         return errors
 
-    def _refined(self, mesh: ControlMesh, feet: Feet, cycle: int) -> ControlMesh:
+    def _refined(self, mesh: ControlMesh, feet: Feet, cycle: int) -> _Ground:
         """More control points where the error is, and even valences again."""
         n_new = self._growth.more(mesh.n_vertices, cycle)
         worst = self._worst_faces(mesh, feet, n_new)
         if self._options.scheme is not Scheme.LOOP:
-            return inset_faces(mesh, worst, n_new)
+            return self._ground(inset_faces(mesh, worst, n_new))
         split = split_faces(mesh, worst, n_new)
-        flipped = flip_to_even_valences(split)
+        flipped = self._ground(flip_to_even_valences(split))
+        n_folded = int(flipped.guards.folded(flipped.mesh.vertices).sum())
+        if n_folded == 0:
+            return flipped
         # flips even the valences out, but may fold a surface that was smooth before
-        folds = [int(self._guards(each).folded(each.vertices).sum()) for each in (flipped, split)]
-        return flipped if folds[0] <= folds[1] else split
-
-    def _guards(self, mesh: ControlMesh) -> Guards:
-        return Guards(mesh, limit_patches(mesh, self._options.scheme), self._scan)
+        plain = self._ground(split)
+        return flipped if n_folded <= plain.guards.folded(split.vertices).sum() else plain
 
     def _worst_faces(self, mesh: ControlMesh, feet: Feet, n_new: int) -> Ints:
         distance = self._distances(feet)
@@ -292,10 +354,10 @@ class _Fit:
         _, first = np.unique(order, return_index=True)
         return order[np.sort(first)]
 
-    def _finished(self, mesh: ControlMesh, patches: LimitPatches, feet: Feet, stopped: StoppedBy) -> FittedSurface:
-        scan = self._scan
-        folds = int(Guards(mesh, patches, scan).folded(mesh.vertices).sum())
-        borders, warm = Borders(mesh, patches, scan), feet.chosen(np.arange(scan.n_measured))
+    def _finished(self, ground: _Ground, feet: Feet, stopped: StoppedBy) -> FittedSurface:
+        (mesh, patches, guards), scan = ground, self._scan
+        folds = int(guards.folded(mesh.vertices).sum())
+        borders, warm = Borders(mesh, patches, scan), feet
         distances = exact_distances(patches, borders, patches.points @ mesh.vertices, scan.measured, warm)
         errors = norms(distances, scan.diagonal)
         return FittedSurface(
@@ -309,6 +371,11 @@ class _Fit:
             folds=folds,
             n_closed=self._n_closed,
         )
+
+
+def _is_ragged(mesh: ControlMesh) -> bool:
+    """Whether many creases lead nowhere."""
+    return n_loose_ends(mesh) > RAGGED * len(mesh.crease_edges)
 
 
 def _faces(mesh: ControlMesh) -> Ints:

@@ -21,7 +21,9 @@ from recon.errors import NotManifold
 from recon.geometric_fit.sharpening import SharpScan
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree, nearest_on_triangles
-from recon.numerics.halfedges import edge_table, free_edges, vertex_normals
+from recon.numerics.face_loops import bent_sides, longest_sides
+from recon.numerics.halfedges import FREE, TANGLED, edge_table, paired_sides, vertex_normals
+from recon.numerics.rows import unit_vectors
 
 __all__ = ["ScanData", "fold_places", "refuse_tangles", "scan_data"]
 
@@ -41,7 +43,7 @@ class ScanData:
     points      (N, 3) the scan's vertices that faces use, then vertices that fill its holes, then samples on large
                 triangles
     weights     (N,) how much each counts
-    normals     (N, 3) unit normals of the scan there
+    normals     (N, 3) unit normals of the scan there, in single precision
     sampled_faces  the triangle of every sample
     measured    (M, 3) where the first M points were measured; some were moved onto sharp edges
     diagonal    of the box around the scan
@@ -51,7 +53,7 @@ class ScanData:
     mesh: TriangleMesh
     points: Floats
     weights: Floats
-    normals: Floats
+    normals: NDArray[np.float32]
     sampled_faces: Ints
     measured: Floats
     diagonal: float
@@ -65,22 +67,25 @@ class ScanData:
     @cached_property
     def tree(self) -> cKDTree:
         """Search tree over the points."""
-        return cKDTree(self.points, balanced_tree=False, compact_nodes=False)
+        return cKDTree(self.points, leafsize=32, balanced_tree=False, compact_nodes=False)
 
-    @cached_property
-    def point_faces(self) -> tuple[Ints, Ints]:
-        """Where the triangles around each point begin, (N + 1,), in the row of all of them."""
-        corner = np.unique(self.mesh.face_vertices, return_inverse=True)[1].ravel()
-        first_sample = len(self.points) - len(self.sampled_faces)
-        owner = np.concatenate([corner, first_sample + np.arange(len(self.sampled_faces))])
-        faces = np.concatenate([np.repeat(np.arange(self.mesh.n_faces), 3), self.sampled_faces])
-        order = np.argsort(owner, kind="stable")
-        starts = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(self.points)))])
-        return starts, faces[order]
+    def _faces_at(self, points: Ints) -> tuple[Ints, Ints]:
+        """Where the triangles around each of some points (n,), each named once, begin, (n + 1,), and all of these."""
+        n, first_sample = len(points), len(self.points) - len(self.sampled_faces)
+        of_mesh, samples = np.flatnonzero(points < first_sample), np.flatnonzero(points >= first_sample)
+        number = np.full(self.mesh.n_vertices, -1, dtype=np.int32)
+        number[np.flatnonzero(_is_used(self.mesh))[points[of_mesh]]] = of_mesh
+        corner = number[self.mesh.face_vertices]
+        face, side = np.nonzero(corner >= 0)
+        owner = np.concatenate([corner[face, side], samples])
+        faces = np.concatenate([face, self.sampled_faces[points[samples] - first_sample]])
+        starts = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=n))])
+        return starts, faces[np.argsort(owner, kind="stable")]
 
     def nearest_on_triangles_at(self, places: Floats, at: Ints) -> tuple[Floats, Ints]:
         """(n, 3) the nearest point of the triangles around scan point at[i] to place i, and (n,) its triangle."""
-        starts, faces = self.point_faces
+        points, at = np.unique(at, return_inverse=True)
+        starts, faces = self._faces_at(points)
         count = starts[at + 1] - starts[at]
         query = np.repeat(np.arange(len(at)), count)
         first = np.cumsum(count) - count
@@ -91,11 +96,6 @@ class ScanData:
         return foot[best], face[best]
 
     @cached_property
-    def area_vectors(self) -> Floats:
-        """(F, 3) normals of the scan's triangles, as long as their areas."""
-        return self.mesh.area_vectors()
-
-    @cached_property
     def is_open(self) -> bool:
         """Whether the scan has a border."""
         return len(self.border) > 0
@@ -103,7 +103,9 @@ class ScanData:
     @cached_property
     def border(self) -> Ints:
         """(B, 2) the edges of the scan with one face only."""
-        return free_edges(self.mesh.face_vertices)
+        face, side = np.nonzero(paired_sides(self.mesh.face_vertices) == FREE)
+        faces = self.mesh.face_vertices[face]
+        return np.stack([faces[np.arange(len(face)), side], faces[np.arange(len(face)), (side + 1) % 3]], axis=1)
 
     @cached_property
     def border_tree(self) -> TriangleTree:
@@ -134,32 +136,40 @@ def scan_data(mesh: TriangleMesh, n_control: int, *, sharp: SharpScan | None = N
     n_measured  vertices from here on fill holes, and weigh as little as samples, as do those put back; -1: none do
     """
     measured_at, mesh, sharp_edges = mesh.vertices, *(sharp or SharpScan(mesh, np.empty((0, 2), dtype=np.int64)))
-    used = np.unique(mesh.face_vertices)
-    vertices = mesh.vertices[used]
-    normals = vertex_normals(mesh.vertices, mesh.face_vertices)[used]
-    area_vectors = mesh.area_vectors()
-    area = np.linalg.norm(area_vectors, axis=1)
-    # a control face of an even mesh: twice as many faces as points
-    control_edge = np.sqrt(area.sum() / (2.0 * n_control) * 4.0 / np.sqrt(3.0))
-    samples, face = _samples_on_large(mesh, control_edge)
-    facing = area_vectors[face] / np.maximum(area[face, None], 1e-300)
+    used = np.flatnonzero(_is_used(mesh))
+    normals = vertex_normals(mesh.vertices, mesh.face_vertices).astype(np.float32)[used]
+    vertices = _chosen(mesh.vertices, used)
+    samples, face = _samples_on_large(mesh, n_control)
     measured = used < (len(measured_at) if n_measured < 0 else n_measured)
-    return ScanData(
-        mesh,
-        np.concatenate([vertices, samples]),
-        np.concatenate([np.where(measured, 1.0, SAMPLE_WEIGHT), np.full(len(samples), SAMPLE_WEIGHT)]),
-        np.concatenate([normals, facing]),
-        face,
-        measured_at[used[measured]],
-        float(np.linalg.norm(np.ptp(vertices[measured], axis=0))),
-        sharp_edges,
-    )
+    weights = np.where(measured, 1.0, SAMPLE_WEIGHT)
+    if len(samples):
+        a, b, c = mesh.vertices[mesh.face_vertices[face]].transpose(1, 0, 2)
+        vertices = np.concatenate([vertices, samples])
+        normals = np.concatenate([normals, unit_vectors(np.cross(b - a, c - a)).astype(np.float32)])
+        weights = np.concatenate([weights, np.full(len(samples), SAMPLE_WEIGHT)])
+    measured_at = _chosen(measured_at, used[measured])
+    # as they are in the mesh, edges put back: what a share of the diagonal is does not depend on them
+    diagonal = float(np.linalg.norm(np.ptp(vertices[: len(used)][measured], axis=0)))
+    return ScanData(mesh, vertices, weights, normals, face, measured_at, diagonal, sharp_edges)
 
 
-def _samples_on_large(mesh: TriangleMesh, control_edge: float) -> tuple[Floats, Ints]:
+def _is_used(mesh: TriangleMesh) -> NDArray[np.bool_]:
+    """(V,) whether any face has the vertex."""
+    used = np.zeros(mesh.n_vertices, dtype=np.bool_)
+    used[mesh.face_vertices.ravel()] = True
+    return used
+
+
+def _chosen(rows: Floats, which: Ints) -> Floats:
+    """Those rows; no copy where they are all."""
+    return rows if len(which) == len(rows) else rows[which]
+
+
+def _samples_on_large(mesh: TriangleMesh, n_control: int) -> tuple[Floats, Ints]:
     """(m, 3) points half a control edge apart inside every triangle with a side above one, and (m,) their faces."""
-    corners = mesh.corners()
-    longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
+    longest, area = longest_sides(mesh.vertices, mesh.face_vertices)
+    # a control face of an even mesh: twice as many faces as points
+    control_edge = np.sqrt(area / (2.0 * n_control) * 4.0 / np.sqrt(3.0))
     pieces = np.clip(np.ceil(2.0 * longest / control_edge), 1, MOST_PIECES).astype(np.int64)
     pieces[longest <= control_edge] = 1
     points, faces = [np.empty((0, 3))], [np.empty(0, dtype=np.int64)]
@@ -169,23 +179,21 @@ def _samples_on_large(mesh: TriangleMesh, control_edge: float) -> tuple[Floats, 
         inside = i + j < n
         v, w = (i[inside] + 1 / 3) / n, (j[inside] + 1 / 3) / n
         bary = np.stack([1.0 - v - w, v, w], axis=1)
-        points.append(np.einsum("mk,fkx->fmx", bary, corners[chosen]).reshape(-1, 3))
+        points.append(np.einsum("mk,fkx->fmx", bary, mesh.vertices[mesh.face_vertices[chosen]]).reshape(-1, 3))
         faces.append(np.repeat(chosen, len(v)))
     return np.concatenate(points), np.concatenate(faces)
 
 
 def fold_places(vertices: Floats, faces: Ints) -> Floats:
     """(m, 3) middles of the edges whose two faces have normals over 90 degrees apart."""
-    table = edge_table(faces)
-    edge, one, two = table.face_pairs()
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    turned = np.einsum("ij,ij->i", normal[one], normal[two]) < FOLD
-    return vertices[table.edges[edge[turned]]].mean(axis=1)
+    face, side = np.nonzero(bent_sides(vertices, faces, paired_sides(faces), FOLD))
+    return 0.5 * (vertices[faces[face, side]] + vertices[faces[face, (side + 1) % 3]])
 
 
 def refuse_tangles(scan: TriangleMesh) -> None:
     """Raise NotManifold for a scan with an edge that no surface has."""
+    if not (paired_sides(scan.face_vertices) == TANGLED).any():
+        return
     table = edge_table(scan.face_vertices)
     for edges, problem in (
         (table.overused(), "edges with more than two faces"),

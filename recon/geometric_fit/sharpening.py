@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from recon.geometric_fit.chains import chain_lengths
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.halfedges import EdgeTable, edge_table, vertex_normals
+from recon.numerics.face_loops import agreeing_corners, all_around, bent_sides, corner_sums
+from recon.numerics.halfedges import edge_table, paired_sides, vertex_normals
 from recon.numerics.rows import added_at, unit_vectors
 
 __all__ = ["SharpScan", "sharpened"]
@@ -34,6 +35,7 @@ __all__ = ["SharpScan", "sharpened"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+SmallInts = NDArray[np.int32]
 
 SMOOTH = np.cos(np.radians(12.0))  # between the normals around a smooth vertex and their mean
 AGREE = np.cos(np.radians(25.0))  # between the smooth faces around a vertex and their mean, on one side
@@ -47,6 +49,7 @@ LONG, MOST = (
     0.5,
     0.5,
 )  # of the diagonal, a long chain; of all that is sharp, what lies in long ones on a shape with edges
+PIECE = 1 << 16  # edges looked at together
 ROUNDED = 0.75  # of the angle asked for: along an edge that is put back it varies
 
 
@@ -86,21 +89,34 @@ class _Crossings(NamedTuple):
     shares: Floats
 
 
+class _Edges(NamedTuple):
+    """The edges of the scan in half the memory: ends (E, 2), and face_edges (F, 3) the edge along each side."""
+
+    ends: SmallInts
+    face_edges: SmallInts
+
+
+def _edges(faces: Ints) -> _Edges:
+    table = edge_table(faces)
+    return _Edges(table.edges.astype(np.int32), table.face_edges.astype(np.int32))
+
+
 def sharpened(scan: TriangleMesh, angle: float) -> SharpScan:
     """The scan with its cut-off edges put back, if it is one of a shape with edges.
 
     angle  radians between both sides from which on an edge is one
     """
-    table = edge_table(scan.face_vertices)
-    sides = _sides(scan)
-    on_edges = _on_edges(scan, table, sides, angle)
-    crossings = _crossings(on_edges.mesh, table, on_edges.sides, angle)
-    mesh = _split(on_edges.mesh, table, crossings, on_edges.sides)
-    edges = _bent_edges(mesh, ROUNDED * angle)
-    between_sides = np.ones(mesh.n_vertices, dtype=np.bool_)
+    table = _edges(scan.face_vertices)
+    on_edges = _on_edges(scan.vertices, table, _sides(scan, table), angle)
+    vertices, faces = on_edges.vertices, scan.face_vertices
+    crossings = _crossings(vertices, table, on_edges.sides, angle)
+    if len(crossings.edges):
+        vertices, faces = _split((vertices, faces), table, crossings, on_edges.sides)
+    edges = _bent_edges(vertices, faces, ROUNDED * angle)
+    between_sides = np.ones(len(vertices), dtype=np.bool_)
     between_sides[: scan.n_vertices] = ~on_edges.sides.known
-    if _are_lines(edges, mesh.vertices) and between_sides[np.unique(edges)].mean() > MOST:
-        return SharpScan(mesh, edges)
+    if _are_lines(edges, vertices) and between_sides[np.unique(edges)].mean() > MOST:
+        return SharpScan(TriangleMesh(vertices, faces, scan.name), edges)
     return SharpScan(scan, np.empty((0, 2), dtype=np.int64))
 
 
@@ -114,37 +130,33 @@ def _are_lines(edges: Ints, vertices: Floats) -> bool:
     return bool(length[long].sum() > MOST * length.sum() and (count == 2).sum() > MOST * (count > 0).sum())
 
 
-def _sides(scan: TriangleMesh) -> _Sides:
+def _sides(scan: TriangleMesh, table: _Edges) -> _Sides:
     """Smooth vertices are on one side, and so is what lies beside them, and what continues that."""
     faces, n = scan.face_vertices, scan.n_vertices
     area_vectors = scan.area_vectors()
-    area, normals = np.linalg.norm(area_vectors, axis=1), unit_vectors(area_vectors)
+    area = np.linalg.norm(area_vectors, axis=1)
     sliver = area < SLIVER * np.median(area)
-
-    def agree(side: Floats, cosine: float) -> Bools:
-        return np.asarray(np.einsum("fi,fki->fk", normals, side[faces]) > cosine)
-
     mean = vertex_normals(scan.vertices, faces)
-    smooth = _all_around(agree(mean, SMOOTH) | sliver[:, None], faces, n)
+    smooth = all_around(agreeing_corners(area_vectors, mean, faces, SMOOTH) | sliver[:, None], faces, n)
     flat = smooth[faces].any(axis=1) & ~sliver
     for _ in range(GROWTH):
-        side = unit_vectors(_gathered(np.where(flat[:, None], area_vectors, 0.0), faces, n))
-        flat |= agree(side, SMOOTH).any(axis=1) & ~sliver
-    side = unit_vectors(_gathered(np.where(flat[:, None], area_vectors, 0.0), faces, n))
-    known = _all_around(~flat[:, None] | agree(side, AGREE), faces, n) & (np.linalg.norm(side, axis=1) > 0.5)
-    return _extrapolated(scan, _Sides(side, scan.vertices, known), smooth, mean)
+        side = unit_vectors(corner_sums(area_vectors, flat, faces, n))
+        flat |= agreeing_corners(area_vectors, side, faces, SMOOTH).any(axis=1) & ~sliver
+    side = unit_vectors(corner_sums(area_vectors, flat, faces, n))
+    agree = agreeing_corners(area_vectors, side, faces, AGREE)
+    known = all_around(~flat[:, None] | agree, faces, n) & side.any(axis=1)
+    return _extrapolated(scan, table, _Sides(side, scan.vertices, known), (smooth, mean))
 
 
-def _extrapolated(scan: TriangleMesh, sides: _Sides, smooth: Bools, normals: Floats) -> _Sides:
+def _extrapolated(scan: TriangleMesh, table: _Edges, sides: _Sides, at_vertices: tuple[Bools, Floats]) -> _Sides:
     """The planes beside smooth vertices taken from these; a vertex that is off its plane was measured across an edge.
 
-    normals  (V, 3) of the faces around, which hold at smooth vertices
+    at_vertices  (V,) which are smooth, and (V, 3) normals of the faces around, which hold there
     """
-    x, n = scan.vertices, scan.n_vertices
-    edges = edge_table(scan.face_vertices).edges
-    at, beside = np.concatenate([edges, edges[:, ::-1]]).T
-    wanted = ~smooth[at] & smooth[beside] & (np.einsum("ki,ki->k", sides.normals[at], normals[beside]) > AGREE)
-    at, beside = at[wanted], beside[wanted]
+    (smooth, normals), x, n = at_vertices, scan.vertices, scan.n_vertices
+    at, beside = _beside(table.ends, ~smooth, smooth)
+    agree = np.einsum("ki,ki->k", sides.normals[at], normals[beside]) > AGREE
+    at, beside = at[agree], beside[agree]
     count = np.bincount(at, minlength=n)
     mean = np.where((count > 0)[:, None], unit_vectors(added_at(normals[beside], at, n)), sides.normals)
     way = x[beside] - x[at]
@@ -154,39 +166,44 @@ def _extrapolated(scan: TriangleMesh, sides: _Sides, smooth: Bools, normals: Flo
     return _Sides(mean, x + height[:, None] * mean, sides.known & ~off)
 
 
-class _OnEdges(NamedTuple):
-    """The scan with vertices moved onto edges, and the sides with these on none."""
+def _beside(edges: SmallInts, here: Bools, there: Bools) -> tuple[SmallInts, SmallInts]:
+    """Vertices (m,) that are `here`, and (m,) those joined to them that are `there`."""
+    ways = [edges[here[edges[:, i]] & there[edges[:, 1 - i]]] for i in (0, 1)]
+    return np.concatenate([ways[0][:, 0], ways[1][:, 1]]), np.concatenate([ways[0][:, 1], ways[1][:, 0]])
 
-    mesh: TriangleMesh
+
+class _OnEdges(NamedTuple):
+    """The vertices, some of them moved onto edges, and the sides with these on none."""
+
+    vertices: Floats
     sides: _Sides
 
 
-def _on_edges(scan: TriangleMesh, table: EdgeTable, sides: _Sides, angle: float) -> _OnEdges:
+def _on_edges(vertices: Floats, table: _Edges, sides: _Sides, angle: float) -> _OnEdges:
     """Vertices on no side, and those that an edge passes close by, go where the planes around them meet.
 
     A point close to an edge would leave slivers there, and a point that was measured across one lies on neither side.
     """
-    crossings = _crossings(scan, table, sides, angle)
+    crossings = _crossings(vertices, table, sides, angle)
     known = sides.known.copy()
-    known[table.edges[crossings.edges][crossings.shares < NEAREST]] = False
-    at, beside = np.concatenate([table.edges, table.edges[:, ::-1]]).T
-    wanted = ~known[at] & known[beside]
-    at, beside = at[wanted], beside[wanted]
-    chosen, move = _toward_planes(scan, at, beside, sides, angle)
-    vertices = scan.vertices.copy()
-    vertices[chosen] += move
-    return _OnEdges(TriangleMesh(vertices, scan.face_vertices, scan.name), sides._replace(known=known))
+    known[table.ends[crossings.edges][crossings.shares < NEAREST]] = False
+    at, beside = _beside(table.ends, ~known, known)
+    chosen, move = _toward_planes(vertices, at, beside, sides, angle)
+    moved = vertices.copy()
+    moved[chosen] += move
+    return _OnEdges(moved, sides._replace(known=known))
 
 
-def _toward_planes(scan: TriangleMesh, at: Ints, beside: Ints, sides: _Sides, angle: float) -> tuple[Ints, Floats]:
+def _toward_planes(x: Floats, at: SmallInts, beside: SmallInts, sides: _Sides, angle: float) -> tuple[Ints, Floats]:
     """(m,) vertices among `at` (k,) with two sides around them, and (m, 3) their way to all planes of `beside`."""
-    n, x = scan.n_vertices, scan.vertices
-    normals = sides.normals[beside]
+    normals, way = sides.normals[beside], x[beside] - x[at]
     height = np.einsum("ki,ki->k", normals, sides.through[beside] - x[at])
-    quadric = added_at(np.einsum("ki,kj->kij", normals, normals).reshape(-1, 9), at, n).reshape(-1, 3, 3)
-    pull = added_at(normals * height[:, None], at, n)
-    count = np.bincount(at, minlength=n)
-    size = np.bincount(at, np.linalg.norm(x[beside] - x[at], axis=1), n) / np.maximum(count, 1)
+    places, row = np.unique(at, return_inverse=True)
+    n = len(places)
+    quadric = added_at(np.einsum("ki,kj->kij", normals, normals).reshape(-1, 9), row, n).reshape(-1, 3, 3)
+    pull = added_at(normals * height[:, None], row, n)
+    count = np.bincount(row, minlength=n)
+    size = np.bincount(row, np.linalg.norm(way, axis=1), n) / np.maximum(count, 1)
     chosen = np.flatnonzero(count > 1)
     values, vectors = np.linalg.eigh(quadric[chosen])
     # two sides of equal weight at this angle have eigenvalues in the ratio of its half's squared tangent
@@ -195,15 +212,19 @@ def _toward_planes(scan: TriangleMesh, at: Ints, beside: Ints, sides: _Sides, an
     inverse = np.where(values > SINGULAR * values[:, 2:], 1.0 / np.maximum(values, 1e-300), 0.0)
     move = np.einsum("mik,mk,mjk,mj->mi", vectors, inverse, vectors, pull[chosen])
     short = np.linalg.norm(move, axis=1) < LONGEST_MOVE * size[chosen]
-    return chosen[short], move[short]
+    return places[chosen[short]], move[short]
 
 
-def _crossings(scan: TriangleMesh, table: EdgeTable, sides: _Sides, angle: float) -> _Crossings:
-    ends, normals = table.edges, sides.normals[table.edges]
-    apart = np.einsum("ei,ei->e", normals[:, 0], normals[:, 1]) < np.cos(angle)
-    edges = np.flatnonzero(apart & sides.known[ends].all(axis=1))
-    through = scan.vertices[ends[edges]]
-    points = _nearest_on_planes(through.mean(axis=1), sides.through[ends[edges]], normals[edges])
+def _crossings(vertices: Floats, table: _Edges, sides: _Sides, angle: float) -> _Crossings:
+    ends, normals = table.ends, sides.normals
+    edges = np.flatnonzero(sides.known[ends].all(axis=1))
+    apart = [
+        np.einsum("ei,ei->e", normals[ends[part, 0]], normals[ends[part, 1]]) < np.cos(angle)
+        for part in np.array_split(edges, len(edges) // PIECE + 1)
+    ]
+    edges = edges[np.concatenate(apart)]
+    through = vertices[ends[edges]]
+    points = _nearest_on_planes(through.mean(axis=1), sides.through[ends[edges]], normals[ends[edges]])
     length = np.linalg.norm(through[:, 1] - through[:, 0], axis=1)
     shares = np.linalg.norm(points[:, None] - through, axis=2) / np.maximum(length, 1e-300)[:, None]
     near = shares.max(axis=1) <= FARTHEST
@@ -216,28 +237,33 @@ def _nearest_on_planes(near: Floats, through: Floats, normals: Floats) -> Floats
     return near + np.einsum("mik,mk->mi", np.linalg.pinv(normals, rcond=1e-2), off)
 
 
-def _split(scan: TriangleMesh, table: EdgeTable, crossings: _Crossings, sides: _Sides) -> TriangleMesh:
-    """Every face cut at the points on its edges: one cuts it in two, two in three, three in six around a corner."""
-    at = np.full(len(table.edges), -1)
-    at[crossings.edges] = scan.n_vertices + np.arange(len(crossings.edges))
-    faces, on_side = scan.face_vertices, at[table.face_edges]
+def _split(surface: tuple[Floats, Ints], table: _Edges, crossings: _Crossings, sides: _Sides) -> tuple[Floats, Ints]:
+    """Every face cut at the points on its edges: one cuts it in two, two in three, three in six around a corner.
+
+    surface  (V, 3) vertices and (F, 3) faces
+    """
+    vertices, all_faces = surface
+    n_vertices = len(vertices)
+    at = np.full(len(table.ends), -1, dtype=np.int32)
+    at[crossings.edges] = n_vertices + np.arange(len(crossings.edges))
+    is_cut = (at[table.face_edges] >= 0).any(axis=1)
+    faces, on_side = all_faces[is_cut], at[table.face_edges[is_cut]].astype(np.int64)
     count = (on_side >= 0).sum(axis=1)
     a, b, c, p, _, _ = _turned(faces[count == 1], on_side[count == 1], on_side[count == 1] >= 0)
     halves = [[a, p, c], [p, b, c]]
     a, b, c, _, q, r = _turned(faces[count == 2], on_side[count == 2], on_side[count == 2] < 0)
     thirds = [[q, c, r], [a, b, q], [a, q, r]]
     cut = count == 3
-    x = scan.vertices[faces[cut]]
-    middle = crossings.points[on_side[cut] - scan.n_vertices].mean(axis=1)
+    x = vertices[faces[cut]]
+    middle = crossings.points[on_side[cut] - n_vertices].mean(axis=1)
     corner = _nearest_on_planes(middle, sides.through[faces[cut]], sides.normals[faces[cut]])
     size = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
     corner = np.where((np.linalg.norm(corner - middle, axis=1) <= size)[:, None], corner, middle)
-    m = scan.n_vertices + len(crossings.edges) + np.arange(len(corner))
+    m = n_vertices + len(crossings.edges) + np.arange(len(corner))
     (a, b, c), (p, q, r) = faces[cut].T, on_side[cut].T
     sixths = [[a, p, m], [p, b, m], [b, q, m], [q, c, m], [c, r, m], [r, a, m]]
     pieces = [np.stack(piece, axis=1) for piece in (*halves, *thirds, *sixths)]
-    vertices = np.concatenate([scan.vertices, crossings.points, corner])
-    return TriangleMesh(vertices, np.concatenate([faces[count == 0], *pieces]), scan.name)
+    return np.concatenate([vertices, crossings.points, corner]), np.concatenate([all_faces[~is_cut], *pieces])
 
 
 def _turned(faces: Ints, on_side: Ints, first: Bools) -> tuple[Ints, ...]:
@@ -246,20 +272,7 @@ def _turned(faces: Ints, on_side: Ints, first: Bools) -> tuple[Ints, ...]:
     return (*np.take_along_axis(faces, turn, axis=1).T, *np.take_along_axis(on_side, turn, axis=1).T)
 
 
-def _bent_edges(mesh: TriangleMesh, angle: float) -> Ints:
+def _bent_edges(vertices: Floats, faces: Ints, angle: float) -> Ints:
     """(m, 2) the edges whose two faces stand at this angle to each other, or a larger one."""
-    table = edge_table(mesh.face_vertices)
-    edge, one, two = table.face_pairs()
-    normals = unit_vectors(mesh.area_vectors())
-    bent = np.einsum("ij,ij->i", normals[one], normals[two]) < np.cos(angle)
-    return table.edges[edge[bent]]
-
-
-def _all_around(corners: Bools, faces: Ints, n: int) -> Bools:
-    """(n,) whether something holds at all face corners (F, 3) that meet in a vertex."""
-    return np.bincount(faces.ravel(), ~corners.ravel(), n) == 0
-
-
-def _gathered(vectors: Floats, faces: Ints, n: int) -> Floats:
-    """(n, 3) for every vertex the sum over the faces around it."""
-    return added_at(np.repeat(vectors, 3, axis=0), faces.ravel(), n)
+    face, side = np.nonzero(bent_sides(vertices, faces, paired_sides(faces), float(np.cos(angle))))
+    return np.sort(np.stack([faces[face, side], faces[face, (side + 1) % 3]], axis=1), axis=1)

@@ -11,6 +11,7 @@ points stand away from the mean of their neighbours, weighted as that many data 
 Paper  [wang2006], the metric, there for curves.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from recon.geometric_fit.foot_points import Feet
 from recon.subdivision.evaluation import MAX_SUPPORT, N_BASIS, PatchArrays, patch_weights
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["BasisRows", "Metric", "basis_rows", "tangent_distance_move"]
+__all__ = ["BasisRows", "Metric", "basis_rows", "conjugate_gradients", "held", "tangent_distance_move"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,7 +39,9 @@ class BasisRows(NamedTuple):
 
     def matrix(self, n_control: int) -> sparse.csr_array:
         """(N, V) the same as a sparse matrix."""
-        return sparse.csr_array((self.values, self.columns, self.starts), shape=(len(self.starts) - 1, n_control))
+        # scipy would widen the columns to the type of the starts
+        starts = self.starts.astype(np.int32) if len(self.values) <= np.iinfo(np.int32).max else self.starts
+        return sparse.csr_array((self.values, self.columns, starts), shape=(len(starts) - 1, n_control))
 
 
 class Metric(NamedTuple):
@@ -57,7 +60,7 @@ class Metric(NamedTuple):
 def basis_rows(patches: LimitPatches, feet: Feet) -> BasisRows:
     """The weights of the control points at the feet."""
     to_points = patches.points
-    bound = len(feet.patch) * 16 + 1024
+    bound = len(feet.patch) * 13 + 1024
     while True:
         starts, columns, values, needed = _rows(
             patches.arrays,
@@ -71,7 +74,7 @@ def basis_rows(patches: LimitPatches, feet: Feet) -> BasisRows:
             bound,
         )
         if needed <= bound:
-            return BasisRows(starts, columns[:needed], values[:needed])
+            return BasisRows(starts, columns[:needed].copy(), values[:needed].copy())
         bound = needed
 
 
@@ -130,16 +133,26 @@ def tangent_distance_move(
     right = _data_side(rows, residuals, metric.normals, metric.weights, metric.tangent, n_control)
     right -= fairness @ control_points
     blocks = _diagonal_blocks(rows, metric.normals, metric.weights, metric.tangent, n_control)
-    diagonal = fairness.diagonal()
-    # control points that no data reach are held by a thousandth of the rest
-    blocks[:, [0, 1, 2], [0, 1, 2]] += diagonal[:, None] + 1e-9 * blocks.max(initial=1e-300)
-    inverse = np.linalg.inv(blocks)
+    blocks = held(blocks, fairness)
 
     def applied(x: Floats) -> Floats:
         out = _normal_product(rows, x, metric.normals, metric.weights, metric.tangent)
         out += fairness @ x
         return out
 
+    return conjugate_gradients(applied, right, blocks, accuracy=accuracy, max_iterations=max_iterations)
+
+
+def held(blocks: Floats, fairness: sparse.csr_array) -> Floats:
+    """The blocks (V, 3, 3) with those of the fairness; control points that no data reach are held a little."""
+    return blocks + (fairness.diagonal() + 1e-9 * blocks.max(initial=1e-300))[:, None, None] * np.eye(3)
+
+
+def conjugate_gradients(
+    applied: Callable[[Floats], Floats], right: Floats, blocks: Floats, *, accuracy: float, max_iterations: int
+) -> Floats:
+    """(V, 3) where a symmetric operator gives `right` (V, 3), preconditioned with blocks (V, 3, 3) of its diagonal."""
+    inverse = np.linalg.inv(blocks)
     moves, residual = np.zeros_like(right), right.copy()
     preconditioned = np.einsum("nij,nj->ni", inverse, residual)
     direction = preconditioned.copy()

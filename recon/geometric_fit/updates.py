@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from recon.geometric_fit.foot_points import Feet
-from recon.geometric_fit.tangent_distance import BasisRows, Metric, basis_rows, tangent_distance_move
+from recon.geometric_fit.patch_rows import Metric, PatchPart, patch_move
+from recon.geometric_fit.tangent_distance import BasisRows, basis_rows, tangent_distance_move
+from recon.geometric_fit.tangent_distance import Metric as PointMetric
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Pull", "Update", "Updater", "rows_for"]
+__all__ = ["METRICS", "PatchPull", "Pull", "Update", "Updater", "rows_for"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -39,6 +41,11 @@ class Update(StrEnum):
     BASIS = "basis"
     NESTEROV = "nesterov"
     ANDERSON = "anderson"
+
+
+# of the rules that solve a system, how residuals count, and how exactly it is solved
+METRICS = {Update.TANGENT: Metric(1.0, TANGENT_SHARE), Update.LEAST_SQUARES: Metric(0.0, 1.0)}
+SOLUTION = {Update.TANGENT: (3e-2, 40), Update.LEAST_SQUARES: (1e-6, 300)}
 
 
 class Pull(NamedTuple):
@@ -71,6 +78,17 @@ def rows_for(rule: Update, patches: LimitPatches, feet: Feet, faces: Ints) -> Ba
     return BasisRows(np.arange(0, k * len(shares) + 1, k), columns.ravel().astype(np.int32), shares.ravel())
 
 
+class PatchPull(NamedTuple):
+    """The same on a subdivision surface, for the rules that solve a system.
+
+    parts     points that pull, each weighed with the basis functions
+    fairness  (V, V) sparse energy of the control points
+    """
+
+    parts: tuple[PatchPart, ...]
+    fairness: sparse.csr_array
+
+
 class Updater:
     """One rule with what it remembers between rounds; a new one after every change of the control mesh."""
 
@@ -81,9 +99,12 @@ class Updater:
         self._moves: list[Floats] = []
         self._points: list[Floats] = []
 
-    def moved(self, control_points: Floats, pull: Pull) -> Floats:
+    def moved(self, control_points: Floats, pull: Pull | PatchPull) -> Floats:
         """(V, 3) the control points after the round."""
-        if self._rule in (Update.TANGENT, Update.LEAST_SQUARES):
+        if isinstance(pull, PatchPull):
+            accuracy, most = SOLUTION[self._rule]
+            return control_points + patch_move(*pull, control_points, accuracy=accuracy, max_iterations=most)
+        if self._rule in METRICS:
             return control_points + self._solved(control_points, pull)
         move = _mean_move(len(control_points), pull)
         if self._rule is Update.NESTEROV:
@@ -93,12 +114,10 @@ class Updater:
         return control_points + move
 
     def _solved(self, control_points: Floats, pull: Pull) -> Floats:
-        if self._rule is Update.TANGENT:
-            metric = Metric(pull.normals, pull.weights, TANGENT_SHARE)
-            return tangent_distance_move(pull.rows, pull.residuals, metric, pull.fairness, control_points)
-        metric = Metric(np.zeros_like(pull.normals), pull.weights, 1.0)
+        (normal, tangent), (accuracy, most) = METRICS[self._rule], SOLUTION[self._rule]
+        metric = PointMetric(normal * pull.normals, pull.weights, tangent)
         return tangent_distance_move(
-            pull.rows, pull.residuals, metric, pull.fairness, control_points, accuracy=1e-6, max_iterations=300
+            pull.rows, pull.residuals, metric, pull.fairness, control_points, accuracy=accuracy, max_iterations=most
         )
 
     def _with_momentum(self, stepped: Floats) -> Floats:

@@ -17,16 +17,21 @@ faces      (F, 3) vertex numbers
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from recon.numerics.rows import added_at, unit_vectors
+from recon.numerics.face_loops import normal_sums
+from recon.numerics.rows import unit_vectors
 
 __all__ = [
     "EdgeTable",
     "edge_table",
     "opposite_sides",
+    "paired_sides",
+    "FREE",
+    "TANGLED",
     "free_edges",
     "overused_edges",
     "misoriented_edges",
@@ -40,6 +45,10 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+SmallInts = NDArray[np.int32]
+
+FREE, TANGLED = -1, -2  # sides on an edge of one face; on one of three or more, or of two that disagree
+CROWDED = 32  # sides from a vertex from where on they are sorted by a faster way for many
 
 
 class EdgeTable(NamedTuple):
@@ -87,14 +96,77 @@ class EdgeTable(NamedTuple):
 
 
 def edge_table(faces: Ints) -> EdgeTable:
-    """All edges of a triangle list with the sides that lie on them."""
-    start, end = faces, np.roll(faces, -1, axis=1)
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    span = int(faces.max(initial=-1)) + 1
-    # One number a pair sorts four times faster than the pairs; span squared fits 63 bits for any mesh in memory.
-    keys, inverse, uses = np.unique(low * span + high, return_inverse=True, return_counts=True)
-    edges = np.stack(np.divmod(keys, max(span, 1)), axis=1)
-    return EdgeTable(edges, inverse.reshape(faces.shape), start < end, uses)
+    """All edges of a list of triangles, or of quadrilaterals, with the sides that lie on them."""
+    flat = np.ascontiguousarray(faces).ravel()
+    face_edges, ends, uses = _numbered(flat, faces.shape[1], int(flat.max(initial=-1)) + 1)
+    return EdgeTable(ends, face_edges.reshape(faces.shape), faces < np.roll(faces, -1, axis=1), uses)
+
+
+@njit(cache=True)
+def _buckets(corners: Ints, k: int, n: int) -> tuple[SmallInts, SmallInts]:  # pragma: no cover - compiled
+    """Sides by their lower vertex: where those of each of n vertices begin, (n + 1,), and the sides in that order."""
+    starts = np.zeros(n + 2, dtype=np.int32)
+    for side in range(len(corners)):
+        starts[min(corners[side], corners[_end(side, k)]) + 2] += 1
+    for vertex in range(n):
+        starts[vertex + 2] += starts[vertex + 1]
+    sides = np.empty(len(corners), dtype=np.int32)
+    for side in range(len(corners)):
+        low = min(corners[side], corners[_end(side, k)])
+        sides[starts[low + 1]] = side
+        starts[low + 1] += 1
+    return starts[: n + 1], sides
+
+
+@njit(cache=True)
+def _end(side: int, k: int) -> int:  # pragma: no cover - compiled
+    """The side that begins where this one ends, of faces with k."""
+    return side + 1 if (side + 1) % k else side + 1 - k
+
+
+@njit(cache=True)
+def _sort_by_end(corners: Ints, k: int, sides: SmallInts) -> None:  # pragma: no cover - compiled
+    """Sides with the same lower vertex in the order of the higher one, in place and stable."""
+    high = np.empty(len(sides), dtype=np.int64)
+    for i in range(len(sides)):
+        high[i] = max(corners[sides[i]], corners[_end(sides[i], k)])
+    if len(sides) > CROWDED:
+        sides[:] = sides[np.argsort(high, kind="mergesort")]
+        return
+    for i in range(1, len(sides)):
+        side, key, j = sides[i], high[i], i
+        while j > 0 and high[j - 1] > key:
+            sides[j], high[j] = sides[j - 1], high[j - 1]
+            j -= 1
+        sides[j], high[j] = side, key
+
+
+@njit(cache=True)
+def _numbered(corners: Ints, k: int, n: int) -> tuple[Ints, Ints, Ints]:  # pragma: no cover - compiled
+    """The edge of every side of faces with k, (E, 2) the ends and (E,) the sides of every edge."""
+    starts, sides = _buckets(corners, k, n)
+    # counted first: room for as many edges as sides is twice what there are
+    n_edges = 0
+    for low in range(n):
+        bucket = sides[starts[low] : starts[low + 1]]
+        _sort_by_end(corners, k, bucket)
+        last = -1
+        for side in bucket:
+            high = max(corners[side], corners[_end(side, k)])
+            n_edges, last = n_edges + (high != last), high
+    number = np.empty(len(corners), dtype=np.int64)
+    ends, uses = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int64)
+    edge = -1
+    for low in range(n):
+        last = -1
+        for side in sides[starts[low] : starts[low + 1]]:
+            high = max(corners[side], corners[_end(side, k)])
+            if high != last:
+                edge, last = edge + 1, high
+                ends[edge, 0], ends[edge, 1] = low, high
+            number[side] = edge
+            uses[edge] += 1
+    return number, ends, uses
 
 
 def opposite_sides(faces: Ints) -> Ints:
@@ -103,19 +175,38 @@ def opposite_sides(faces: Ints) -> Ints:
     faces (F, k) may be triangles or quadrilaterals. Where more than two sides lie on an edge, or two of the same
     direction, each of them is a border: nothing says which belongs to which.
     """
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    span = int(faces.max(initial=-1)) + 1
-    keys = np.minimum(start, end) * span + np.maximum(start, end)
-    order = np.argsort(keys, kind="stable")
-    ranked = keys[order]
-    same = np.concatenate([[False], ranked[1:] == ranked[:-1], [False]])
-    lone_pair = np.flatnonzero(~same[:-2] & same[1:-1] & ~same[2:]) if len(keys) > 1 else np.empty(0, dtype=np.int64)
-    one, two = order[lone_pair], order[lone_pair + 1]
-    opposed = start[one] == end[two]
-    one, two = one[opposed], two[opposed]
-    across = np.full(len(keys), -1)
-    across[one], across[two] = two, one
-    return across.reshape(faces.shape)
+    return np.maximum(paired_sides(faces), FREE).astype(np.int64)
+
+
+def paired_sides(faces: Ints) -> SmallInts:
+    """(F, k) the side across each side, as k times its face plus its number there; FREE or TANGLED where there is none.
+
+    For scans of millions of faces: three times faster than an edge table, and a quarter of its memory.
+    """
+    flat = np.ascontiguousarray(faces).ravel()
+    return _paired(flat, faces.shape[1], int(flat.max(initial=-1)) + 1).reshape(faces.shape)
+
+
+@njit(cache=True)
+def _paired(corners: Ints, k: int, n: int) -> SmallInts:  # pragma: no cover - compiled
+    starts, sides = _buckets(corners, k, n)
+    across = np.full(len(corners), FREE, dtype=np.int32)
+    for low in range(n):
+        bucket = sides[starts[low] : starts[low + 1]]
+        _sort_by_end(corners, k, bucket)
+        first = 0
+        while first < len(bucket):
+            high, after = max(corners[bucket[first]], corners[_end(bucket[first], k)]), first + 1
+            while after < len(bucket) and max(corners[bucket[after]], corners[_end(bucket[after], k)]) == high:
+                after += 1
+            one, two = bucket[first], bucket[after - 1]
+            if after - first == 2 and corners[one] != corners[two]:
+                across[one], across[two] = two, one
+            elif after - first > 1:
+                for i in range(first, after):
+                    across[bucket[i]] = TANGLED
+            first = after
+    return across
 
 
 def free_edges(faces: Ints) -> Ints:
@@ -203,6 +294,4 @@ def euler_number(faces: Ints) -> int:
 
 def vertex_normals(vertices: Floats, faces: Ints) -> Floats:
     """(V, 3) unit normals, the faces around weighted with their areas; zero where no face, or no area, is around."""
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    area = np.cross(b - a, c - a)
-    return unit_vectors(added_at(np.repeat(area, 3, axis=0), faces.ravel(), len(vertices)))
+    return unit_vectors(normal_sums(vertices, faces))

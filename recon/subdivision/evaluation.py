@@ -21,13 +21,26 @@ from numpy.typing import NDArray
 
 from recon.subdivision.limit_tables import N_LEVELS
 
-__all__ = ["MAX_SUPPORT", "N_BASIS", "PatchArrays", "patch_weights", "points_at"]
+__all__ = [
+    "MAX_SUPPORT",
+    "N_BASIS",
+    "NetCache",
+    "PatchArrays",
+    "net_cache",
+    "patch_frame",
+    "patch_weights",
+    "points_at",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 MAX_SUPPORT = 80  # points a patch may depend on
 N_BASIS = 16  # room for the polynomials of a patch: 15 quartic, 16 bicubic, 9 bi-quadratic
+
+
+N_SLOTS = 128  # control nets at hand: those of a patch and of its neighbours; more would leave the nearest cache
+NETS_A_PATCH = 3 * N_LEVELS + 1  # one of a regular patch; three a level of an irregular one
 
 
 class PatchArrays(NamedTuple):
@@ -256,3 +269,99 @@ def points_at(patches: PatchArrays, points: Floats, patch: Ints, v: Floats, w: F
                 for k in range(3):
                     out[i, r, k] += weights[r, j] * points[p, k]
     return out
+
+
+class NetCache(NamedTuple):
+    """Control nets of the polynomials that were asked for last, as many walks stay where they are.
+
+    keys  (N_SLOTS,) which polynomial is in each slot, -1 for none
+    nets  (N_SLOTS, N_BASIS + 1, 3) its control points less an origin, and the origin
+    """
+
+    keys: Ints
+    nets: Floats
+
+
+def net_cache() -> NetCache:
+    """An empty one; it holds for one set of points."""
+    return NetCache(np.full(N_SLOTS, -1), np.empty((N_SLOTS, N_BASIS + 1, 3)))
+
+
+@njit(cache=True)
+def _fill_net(patches: PatchArrays, points: Floats, patch: int, at: int, net: Floats) -> None:
+    """The control points of a patch, or of the sub-patch whose rows begin in the tables at `at`, into net.
+
+    These are differences from the limit of corner 0: near to it, nothing else would be left of them.
+    """
+    first = patches.support_starts[patch]
+    size = patches.support_starts[patch + 1] - first
+    n_basis = len(patches.regular)
+    start = patches.table_starts[patches.tables[patch]]
+    for i in range(n_basis + 1):
+        x, y, z = 0.0, 0.0, 0.0
+        for j in range(size):
+            p = patches.support[first + j]
+            if i == n_basis:
+                a = 0.0 if at < 0 else patches.weights[start + j]
+            else:
+                a = patches.regular[i, j] if at < 0 else patches.weights[at + i * size + j]
+            x += a * points[p, 0]
+            y += a * points[p, 1]
+            z += a * points[p, 2]
+        net[i, 0], net[i, 1], net[i, 2] = x, y, z
+
+
+@njit(cache=True)
+def patch_frame(
+    patches: PatchArrays, points: Floats, patch: int, v: float, w: float, cache: NetCache, b: Floats, out: Floats
+) -> None:
+    """Point and first derivatives of a patch into out (3, 3); b (6, N_BASIS) is room to work.
+
+    At an irregular corner the derivatives are the tangents of the limit.
+    """
+    table, triangle = patches.tables[patch], patches.across.shape[1] == 3
+    n_basis = len(patches.regular)
+    at, key = -1, patch * NETS_A_PATCH
+    if table < 0:
+        if triangle:
+            _quartics(v, w, 3, b)
+        else:
+            _products(v, w, 3, 3 if n_basis == 16 else 2, 1.0, b)
+    else:
+        level, scale = 0, 2.0
+        while _near_corner(triangle, v, w) and level < N_LEVELS:
+            v, w, level, scale = 2.0 * v, 2.0 * w, level + 1, 2.0 * scale
+        size = patches.support_starts[patch + 1] - patches.support_starts[patch]
+        start = patches.table_starts[table]
+        if level == N_LEVELS:
+            _corner_frame(patches, points, patch, start, out)
+            return
+        sub = level * 3 + _sub_patch(patches, v, w, 3, scale, b)
+        at, key = start + 3 * size + sub * n_basis * size, key + sub
+    slot = key % N_SLOTS
+    if cache.keys[slot] != key:
+        _fill_net(patches, points, patch, at, cache.nets[slot])
+        cache.keys[slot] = key
+    nets = cache.nets
+    for r in range(3):
+        x, y, z = 0.0, 0.0, 0.0
+        for i in range(n_basis):
+            a = b[r, i]
+            x += a * nets[slot, i, 0]
+            y += a * nets[slot, i, 1]
+            z += a * nets[slot, i, 2]
+        out[r, 0], out[r, 1], out[r, 2] = x, y, z
+    for axis in range(3):
+        out[0, axis] += nets[slot, n_basis, axis]
+
+
+@njit(cache=True)
+def _corner_frame(patches: PatchArrays, points: Floats, patch: int, start: int, out: Floats) -> None:
+    """Limit point and tangents at corner 0 of an irregular patch, whose table begins at `start`, into out (3, 3)."""
+    first = patches.support_starts[patch]
+    size = patches.support_starts[patch + 1] - first
+    for r in range(3):
+        for axis in range(3):
+            out[r, axis] = 0.0
+            for j in range(size):
+                out[r, axis] += patches.weights[start + r * size + j] * points[patches.support[first + j], axis]
