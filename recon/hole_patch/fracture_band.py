@@ -76,6 +76,10 @@ class FractureBand:
         """(n, 3) points of the stations on the outer and on the inner edge."""
         return self.rows[:, ENDS[0]], self.rows[:, ENDS[1]]
 
+    def bend(self) -> Floats:
+        """(n, HEIGHTS, 3) by how much the rungs without relief leave the straight ones."""
+        return self.rows[:, BEND].reshape(len(self.rows), -1, 3)
+
     def following(self, *, bend: Floats | None = None, relief: Floats | None = None) -> "FractureBand":
         """The band with another bend or relief, (n, HEIGHTS, 3) each."""
         rows = self.rows.copy()
@@ -120,6 +124,7 @@ class FractureBand:
             apart = np.abs(band.t[:, None] - band.t[:-1][folded][None, :])
             if self.closed:
                 apart = np.minimum(apart, band.t[-1] - apart)
+                apart[-1] = apart[0]  # the same station, but for rounding
             share = 1.0 - 0.5 * np.exp(-((apart.min(axis=1) / DAMPED) ** 2))
             band = band.following(relief=band.rows[:, RELIEF] * share[:, None])
         return band.following(relief=np.zeros_like(band.rows[:, RELIEF]))

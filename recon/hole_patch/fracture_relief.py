@@ -6,7 +6,8 @@
        inner edge  B ----'
 
 What was not measured (a gap between sherds, a chip, a face hidden from the scanner) leaves the rung as it is, and the
-relief fades into it.
+relief fades into it. Where it was measured, relief is averaged along the edge, but stays behind the nearest of what was
+found beside it: a neighbour's tooth keeps its room.
 """
 
 import numpy as np
@@ -24,6 +25,7 @@ ROUNDS = 3  # of going to the nearest point of the fracture and back onto d
 FARTHEST = 0.5  # of the wall's thickness: what lies farther off is another face
 ASIDE = 0.12  # of the thickness: how far the point found may lie beside d
 SMOOTHED = 0.5  # mm along the edge: vertices of a scan lie about as far apart
+BESIDE = 0.25  # mm along the edge, within which relief stays behind all that was found
 DOUBT = 0.15  # weight of the rung as it is beside that of measured points
 
 
@@ -47,11 +49,11 @@ def fracture_relief(
     closed     whether the first rung follows on the last
     """
     tree = TriangleTree(fracture.vertices, fracture.face_vertices)
-    near = _nearness(rungs[:, rungs.shape[1] // 2], closed)
+    apart = _distances_along(rungs[:, rungs.shape[1] // 2], closed)
     relief = np.zeros_like(rungs)
     for k in range(rungs.shape[1]):
         off, found = _sought(tree, rungs[:, k], away[:, k], thickness, clearance)
-        relief[:, k] = _smoothed(off, found, near)[:, None] * away[:, k]
+        relief[:, k] = _kept_behind(off, found, apart)[:, None] * away[:, k]
     return relief
 
 
@@ -69,22 +71,30 @@ def _sought(
     return off - clearance, found
 
 
-def _nearness(points: Floats, closed: bool) -> Floats:
-    """(n, n) weights of the other rungs for each, by their distance along the row of points."""
+def _distances_along(points: Floats, closed: bool) -> Floats:
+    """(n, n) distances between the rungs along their row of points."""
     steps = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
     place = np.concatenate([[0.0], np.cumsum(steps)])
     apart = np.abs(place[:-1, None] - place[None, :-1])
-    if closed:
-        apart = np.minimum(apart, place[-1] - apart)
-    return np.exp(-0.5 * (apart / SMOOTHED) ** 2)
+    return np.minimum(apart, place[-1] - apart) if closed else apart
+
+
+def _kept_behind(off: Floats, found: Flags, apart: Floats) -> Floats:
+    """(n,) what was found, smoothed, but no more than the least that was found beside it; steps rounded off again."""
+    least = np.where((apart <= BESIDE) & found, off, np.inf).min(axis=1)
+    behind = np.minimum(_smoothed(off, found, np.exp(-0.5 * (apart / SMOOTHED) ** 2)), least)
+    near = np.exp(-0.5 * (apart / BESIDE) ** 2)
+    return np.asarray(near @ behind / near.sum(axis=1))
 
 
 def _smoothed(off: Floats, found: Flags, near: Floats) -> Floats:
-    """Weighted means over the found neighbours; single points far from the others count little."""
-    weight = found.astype(np.float64)
+    """Weighted means over the found neighbours; single points far from the others count little.
+
+    near  (n, n) weights of the other rungs for each
+    """
+    weight, doubt = found.astype(np.float64), DOUBT * near.sum(axis=1)
     for _ in range(2):
-        total = near @ weight
-        mean = near @ (weight * off) / (total + DOUBT * near.sum(axis=1))
+        mean = near @ (weight * off) / (near @ weight + doubt)
         spread = 1.4826 * np.median(np.abs(off - mean)[found]) if found.any() else 1.0
         weight = found / (1.0 + ((off - mean) / max(3.0 * spread, 1e-6)) ** 2) ** 2
-    return np.asarray(near @ (weight * off) / (near @ weight + DOUBT * near.sum(axis=1)))
+    return np.asarray(near @ (weight * off) / (near @ weight + doubt))

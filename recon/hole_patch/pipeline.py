@@ -32,12 +32,12 @@ from recon.hole_patch.second_look import LEASTS, look_again
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.sherds import Reading, read_sherds, separate, surroundings_in, what_was_found
-from recon.hole_patch.surroundings import Axis, Surroundings, Wall
+from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
 from recon.hole_patch.wall_check import check_fracture_met, check_walls_go_on
-from recon.hole_patch.wheel_sheet import fit_wall, wheel_sheet
+from recon.hole_patch.wheel_sheet import clean_wall, fit_wall, wheel_sheet
 
 __all__ = [
     "Attempt",
@@ -284,7 +284,7 @@ def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], Non
             continue
         seen.append(misread)
         try:
-            piece = _piece(around, int(misread.sum()), found, options, doing)
+            piece = _piece(_with_clean_foot(around), int(misread.sum()), found, options, doing)
         except (NoHole, NoSurface, NoWall, BadGeometry) as error:
             refusal = refusal or error
             continue
@@ -322,6 +322,15 @@ def _piece(
     return MissingPiece(
         method, shape, outer, inner, around, found.sherds, distance, found.settling, relief, notes=notes
     )
+
+
+def _with_clean_foot(around: Surroundings) -> Surroundings:
+    """The surroundings with a hole's edge that runs over a foot ring as the sheet is drawn to it."""
+    outer = around.outer
+    if around.axis is None or outer.over_lip or outer.edge.normals is None:
+        return around
+    edge = clean_wall(outer, around.axis).edge
+    return replace(around, outer=replace(outer, edge=HoleEdge(edge.points, edge.sherds)))
 
 
 def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tuple[str, ...]]:

@@ -31,12 +31,12 @@ from scipy.spatial import cKDTree
 
 from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineCurve
-from recon.hole_patch.profile_curve import curve_normals, fit_curve, fit_lip_curve, nearest_facing
+from recon.hole_patch.foot_curve import fit_foot_curve
+from recon.hole_patch.profile_curve import curve_normals, fit_lip_curve, nearest_facing
 from recon.hole_patch.section_samples import (
     SectionSamples,
     edge_length,
     lengths_from_lip,
-    mirrored,
     rough_lengths,
     section_normals,
     section_samples,
@@ -174,13 +174,12 @@ def _profile_in_units(wall: Wall, axis: Axis, reach: float, nearness: float, sta
         s = rough_lengths(samples.of(near), edge[:, 1:], side=edge_length(wall.measured))
     together = np.isfinite(s)
     samples, s = samples.of(near).of(together), s[together]
-    if over:
-        _check_leads_away(samples, s, edge[:, 1:])
-        curve = fit_curve(*mirrored(samples, s), start=start)
-        return Profile(axis, curve, middle, _crossing(curve))
     if wall.over_lip:
         return Profile(axis, fit_lip_curve(samples, s, side=edge_length(wall.measured), start=start), middle)
-    return Profile(axis, fit_curve(samples, s, start=start), middle)
+    if over:
+        _check_leads_away(samples, s, edge[:, 1:])
+    curve = fit_foot_curve(wall, axis, samples, s, over=over, start=start)
+    return Profile(axis, curve, middle, _crossing(curve) if over else None)
 
 
 def _check_rim_left(edge: Floats, over: bool) -> None:

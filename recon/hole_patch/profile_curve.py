@@ -75,12 +75,17 @@ def fit_curve(samples: SectionSamples, s: Floats, *, start: BSplineCurve | None 
 
 
 def fit_lip_curve(
-    samples: SectionSamples, s: Floats, *, side: float, start: BSplineCurve | None = None
+    samples: SectionSamples,
+    s: Floats,
+    *,
+    side: float,
+    start: BSplineCurve | None = None,
+    beyond: tuple[float, float] = (EXTENDED, EXTENDED),
 ) -> BSplineCurve:
     """The same for a curve that turns back over a lip: scale and stiffness are those of each part of the curve.
 
     side      length of the mesh's edges: between rows of vertices so far apart nothing may bend
-    Promises  runs straight on by `EXTENDED` beyond the samples at both ends.
+    beyond    lengths by which it runs straight on beyond the samples
     """
     span, limp = max(LIP_SPAN, 0.5 * side), max(LIP_LIMP, LIMP_SIDES * side)
     s = s - s.min()
@@ -101,9 +106,10 @@ def fit_lip_curve(
         else:
             trust = np.clip(1.0 - (away / (4.685 * own)) ** 2, 0.0, None) ** 2
         curve = _weighted_spline(samples.place, samples.weight * trust, s, reach=(at, reach), span=span)
-    weight, beyond = samples.weight * trust, (EXTENDED, EXTENDED)
-    everywhere = at + EXTENDED, reach
-    return _weighted_spline(samples.place, weight, s + EXTENDED, reach=everywhere, span=span, beyond=beyond)
+    everywhere = at + beyond[0], reach
+    return _weighted_spline(
+        samples.place, samples.weight * trust, s + beyond[0], reach=everywhere, span=span, beyond=beyond
+    )
 
 
 def _rounds(start: BSplineCurve | None) -> range:

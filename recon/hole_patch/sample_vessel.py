@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 _PROFILE = np.array([(0.30, 0.0), (0.40, 0.18), (0.46, 0.38), (0.45, 0.56), (0.36, 0.76), (0.32, 0.88), (0.37, 1.0)])
 _BANDS = ((0.30, 2), (0.66, 5), (1.01, 4))  # upper bound of each band as a share of the height, and its sherds
 _BELLY, _NECK = 1, 2
+_RING, _ROOT = 0.21, 0.4  # radius of a foot ring's middle in heights of the vessel, of its roots in thicknesses
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,10 @@ class VesselOptions:
     noise              of the scanner, standard deviation a coordinate
     misplacement       of every sherd after reassembly: a shift of this size and a turn of 0.1° for each 0.1 mm
     bead               radius of the lip in thicknesses: 0.5 rounds the wall off, more makes a bead on it
+    foot               height of the ring that it stands on, as wide as the wall is thick, below the base; 0 for none
     lost_at_rim        whether the lost sherd comes from the neck, lip and all, and not from the belly
     seed               of everything that is drawn by chance
-    Raises  BadOption when the wall does not fit into the vessel, or the bead is no bead.
+    Raises  BadOption when the wall does not fit into the vessel, the bead is no bead, or the foot no ring.
     """
 
     height: float = 70.0
@@ -57,6 +59,7 @@ class VesselOptions:
     noise: float = 0.02
     misplacement: float = 0.1
     bead: float = 0.5
+    foot: float = 0.0
     lost_at_rim: bool = False
     seed: int = 1
 
@@ -67,6 +70,8 @@ class VesselOptions:
             raise BadOption("relief", f"must be less than 0.4 of the wall's thickness, not {self.relief} mm")
         if not 0.5 <= self.bead <= 1.5:
             raise BadOption("bead", f"must be from 0.5 to 1.5 thicknesses, not {self.bead}")
+        if self.foot and not 1.5 * self.thickness <= self.foot < 0.2 * self.height:
+            raise BadOption("foot", f"must be 1.5 thicknesses high, and below 0.2 of the height, not {self.foot} mm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +91,7 @@ class BrokenVessel:
 
 
 def whole_vessel(options: VesselOptions, *, relief: bool = True) -> TriangleMesh:
-    """The unbroken vessel as a closed mesh about the z axis, its base on z = 0."""
+    """The unbroken vessel as a closed mesh about the z axis, its base on z = 0, its foot ring below."""
     around = round(2 * np.pi * _PROFILE[:, 0].max() * options.height / options.edge)
     outside, inside = _profile(options)
     rows = np.concatenate([outside, inside[::-1]])
@@ -128,7 +133,23 @@ def _profile(options: VesselOptions) -> tuple[Floats, Floats]:
     inner = fine + options.thickness * normal
     inner = inner[inner[:, 0] > 0]
     lip = _lip(fine[-1], inner[-1], options.bead)
+    if options.foot:
+        fine = _on_ring(fine, options)
     return _even(np.concatenate([fine, lip]), options.edge)[1:], _even(inner, options.edge)[1:]
+
+
+def _on_ring(outside: Floats, options: VesselOptions) -> Floats:
+    """The outside with a ring under its flat base: down its inner side, round below, up the outer side, all rounded."""
+    half = 0.5 * options.thickness
+    quarter, turn = np.linspace(0.0, np.pi / 2, 20), np.linspace(np.pi, 2 * np.pi, 40)
+    middle, root = _RING * options.height, _ROOT * options.thickness
+    round_ = half * np.column_stack([np.cos(turn), np.sin(turn)]) + [middle, half - options.foot]
+    up = root * np.column_stack([1.0 - np.cos(quarter), np.sin(quarter) - 1.0]) + [middle + half, 0.0]
+    side = np.concatenate([round_[20:], up])
+    ring = np.concatenate([(side * [-1, 1] + [2 * middle, 0])[::-1], side])
+    within = (outside[:, 0] < ring[0, 0]) & (outside[:, 1] < root), outside[:, 0] > ring[-1, 0]
+    first, last = np.flatnonzero(within[0])[-1], np.flatnonzero(within[1])[0]
+    return np.concatenate([outside[: first + 1], ring, outside[last:]])
 
 
 def _lip(outer: Floats, inner: Floats, bead: float) -> Floats:

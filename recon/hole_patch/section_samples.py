@@ -25,6 +25,7 @@ from recon.hole_patch.surroundings import Axis, Wall
 __all__ = [
     "SectionSamples",
     "edge_length",
+    "lengths_along_mesh",
     "lengths_from_lip",
     "mirrored",
     "rough_lengths",
@@ -41,6 +42,7 @@ Bools = NDArray[np.bool_]
 CELL = 1.0  # mm: half of what a profile's knots lie apart
 LINKED = 2.5  # mm; neighbouring sherds leave gaps of about a millimetre
 LONGEST = 2.0  # of the usual link between cells
+LEAST_PART = 0.01  # of all weight, of a part of the mesh that a profile may run over
 FEW = 0.1  # of the edges that usually link two cells: fewer do not come from all round the vessel
 
 
@@ -124,11 +126,42 @@ def rough_lengths(samples: SectionSamples, edge: Floats, *, side: float) -> Floa
     link = max(LINKED, 2.0 * side)
     cell, cells = _cells(samples)
     heavy = cells.weight > 0.02 * np.median(cells.weight)
+    graph = _linked_by_nearness(cells, heavy, link)
+    return _lengths_from_base(graph, cells, heavy, edge=edge, link=link)[cell]
+
+
+def lengths_along_mesh(samples: SectionSamples, edge: Floats, *, wall: TriangleMesh) -> Floats:
+    """(m,) the same by ways that follow the mesh, so that they run down a foot ring and up again, and not across it.
+
+    edge  (n, 2) the hole's edge; wall: the mesh that the samples stem from
+    Only from one part of the mesh to another, as across a crack all round the vessel, they go to what lies near.
+    """
+    link = max(LINKED, 2.0 * edge_length(wall))
+    cell, cells = _cells(samples)
+    graph = _linked_by_mesh(samples, cell, cells, wall)
+    part = connected_components(graph, directed=False)[1]
+    share = np.bincount(part, cells.weight) / cells.weight.sum()
+    heavy = share[part] > LEAST_PART
+    near = _linked_by_nearness(cells, heavy, link).tocoo()
+    a, b = near.coords
+    across = part[a] != part[b]
+    joins = sparse.csr_array((near.data[across], (a[across], b[across])), shape=graph.shape)
+    return _lengths_from_base(graph + joins, cells, heavy, edge=edge, link=link)[cell]
+
+
+def _linked_by_nearness(cells: SectionSamples, heavy: Bools, link: float) -> "sparse.csr_array":
+    """(n, n) distances between cells no farther apart than a length that face alike."""
     near = cKDTree(cells.place).query_pairs(link, output_type="ndarray")
     alike = np.einsum("ij,ij->i", cells.normal[near[:, 0]], cells.normal[near[:, 1]]) > 0.3
     a, b = near[alike & heavy[near].all(axis=1)].T
     n = len(cells.place)
-    graph = sparse.csr_array((np.linalg.norm(cells.place[a] - cells.place[b], axis=1) + 1e-9, (a, b)), shape=(n, n))
+    return sparse.csr_array((np.linalg.norm(cells.place[a] - cells.place[b], axis=1) + 1e-9, (a, b)), shape=(n, n))
+
+
+def _lengths_from_base(
+    graph: "sparse.csr_array", cells: SectionSamples, heavy: Bools, *, edge: Floats, link: float
+) -> Floats:
+    """(n,) lengths through the graph from the end of the profile nearer to the base; NaN off the hole's part."""
     part = connected_components(graph, directed=False)[1]
     at_hole = np.unique(cKDTree(cells.place[heavy]).query(edge)[1])
     end = int(np.flatnonzero(part == np.bincount(part[heavy][at_hole]).argmax())[0])
@@ -138,7 +171,7 @@ def rough_lengths(samples: SectionSamples, edge: Floats, *, side: float) -> Floa
     known = np.isfinite(length)
     _check_known(cells.place[known], edge, link)
     length[~known] = np.nan
-    return _from_base_up(length, cells)[cell]
+    return _from_base_up(length, cells)
 
 
 def lengths_from_lip(samples: SectionSamples, edge: Floats, *, wall: TriangleMesh) -> Floats:
@@ -156,9 +189,10 @@ def lengths_from_lip(samples: SectionSamples, edge: Floats, *, wall: TriangleMes
         raise NoSurface("The walls around the hole hang together nowhere: give more of the sherds beside it.")
     top = int(np.argmax(np.where(heavy, cells.place[:, 1], -np.inf)))
     ahead = (cells.place - cells.place[top]) @ np.array([-cells.normal[top, 1], cells.normal[top, 0]])
-    # as wide as the longest link, so that none leads past it
+    # as wide as the longest link, so that none leads past it, and wide enough for a cell on either side
     from_top = dijkstra(graph, directed=False, indices=top)
-    beside = from_top <= float(graph.max())
+    sides = [from_top[(side > 0.0) & (from_top > 0.0)] for side in (ahead, -ahead)]
+    beside = from_top <= max(float(graph.max()), *(float(side.min(initial=np.inf)) for side in sides))
     outer, inner = (
         _lengths_past(graph, from_top, seeds=beside & side, barred=beside & ~side)
         for side in (ahead <= 0.0, ahead > 0.0)

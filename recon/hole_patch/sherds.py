@@ -61,6 +61,9 @@ LEAST_KNOWN = 30.0  # thicknesses: of a line that is mostly unknown, to be worth
 SIZEABLE = 0.002  # of all area, to be a sherd of its own
 THICKEST = 0.4  # of a wall, in radii of the vessel
 NOT_ROUND = 0.1  # thicknesses off the wheel, from which on walls recur badly round it
+FOOT = 0.1  # of the vessel's height, from below
+LEAST_CUT = 4.0  # thicknesses of a line that runs down a foot and up again; hairs at its cracks are shorter
+AGAINST, FEW_AGAINST = -0.3, 3  # cosine between normals of both sides of a foot ring, and points of one that show it
 NEARLY_ROUND = 1.75 * np.pi
 OPEN_THICKNESS = 2.0  # edge lengths that stand for the thickness where only one wall was scanned
 
@@ -283,7 +286,8 @@ def _holes(reading: Reading) -> list[Hole]:
             edge, partner = _edge(part, reading, outward=1.0), _partner(part, inner, reading)
             through = partner is not None or not reading.closed.all()
             if edge is not None and (through or part.length > LEAST_KNOWN * reading.thickness):
-                found.append(Hole(edge, partner, kind=kind))
+                # a line that is to be cleaned in the wheel's chart runs over a foot ring
+                found.append(Hole(edge, partner, kind=kind if edge.normals is None else HoleKind.FOOT))
     return sorted(found, key=lambda hole: -hole.length)
 
 
@@ -369,7 +373,27 @@ def _edge(cycle: Cycle, reading: Reading, *, outward: float) -> HoleEdge | None:
     if -outward * area < LEAST_AREA * reading.thickness**2 or len(crossings(uv)):
         return None
     turn = slice(None, None, -1 if area < 0 else 1)
+    if outward > 0 and _cut_off_at_foot(cycle, points, reading):
+        return HoleEdge(cycle.points[turn], cycle.sherds[turn], cycle.normals[turn])
     return HoleEdge(points[turn], sherds[turn])
+
+
+def _cut_off_at_foot(cycle: Cycle, kept: Floats, reading: Reading) -> bool:
+    """Whether cleaning, from above, cut off what runs down a foot ring and up again.
+
+    kept  (k, 3) the points that were left of the line
+    """
+    if reading.axis is None or not reading.closed.any():
+        return False
+    height = reading.axis.cylindrical(reading.table.centres)[:, 2]
+    low, high = np.quantile(height, [0.001, 0.999])
+    cut = cKDTree(kept).query(cycle.points)[0] > 0.0
+    at_foot = np.flatnonzero(cut & (reading.axis.cylindrical(cycle.points)[:, 2] < low + FOOT * (high - low)))
+    reach = LEAST_CUT * reading.thickness
+    i, j = cKDTree(cycle.points[at_foot]).query_pairs(reach, output_type="ndarray").T
+    # the sides of a ring look away from each other; those of a hair along a crack look the same way
+    against = np.einsum("ij,ij->i", cycle.normals[at_foot[i]], cycle.normals[at_foot[j]]) < AGAINST
+    return len(at_foot) * reading.table.spacing > reach and len(np.unique(i[against])) > FEW_AGAINST
 
 
 def _partner(outer: Cycle, inner: list[Cycle], reading: Reading) -> HoleEdge | None:

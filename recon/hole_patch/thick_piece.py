@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 from recon.geometry.bspline import BSplineCurve
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import ThickPiece, TrimLoop, TrimmedSurface
+from recon.hole_patch.foot_rungs import bend_into_rings, ring_runs
 from recon.hole_patch.fracture_band import UV, FractureBand, rung_points
 from recon.hole_patch.fracture_relief import fracture_relief
 from recon.hole_patch.sheet import Sheet
@@ -41,6 +42,7 @@ FEWEST = 60  # stations a part
 ON_SHEET = 1e-3  # mm by which the fracture may leave a sheet between stations
 HALVINGS = 4  # of the steps between stations where it does
 SAMPLES = 8  # points of a loop between two stations, to measure lengths on
+SLOW = 0.25  # of the least step, down a foot ring
 LEAST_STEP = 0.4  # of the mean step between partners: a wall that narrows more is pinched
 
 
@@ -73,6 +75,9 @@ def thick_piece(
             break
         pairs, corners = _halved(loops, pairs, corners, wide)
         band = _band(loops, pairs)
+    bend = bend_into_rings(band)
+    if bend is not None:
+        band = band.following(bend=bend)
     if fracture is not None and fracture.n_faces:
         band = band.following(relief=_relief(band, fracture, clearance)).unfolded()
     parts = band.parts(np.append(corners, len(pairs)))
@@ -96,7 +101,7 @@ def _relief(band: FractureBand, fracture: TriangleMesh, clearance: float) -> Flo
     middle = 0.5 * (outer + inner)
     away = np.cross(np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0), normals)
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
-    rungs = rung_points(outer, inner)
+    rungs = rung_points(outer, inner) + band.bend()[:-1]
     thickness = np.full(len(outer), np.median(np.linalg.norm(outer - inner, axis=1)))
     away = np.broadcast_to(away[:, None], rungs.shape)
     relief = fracture_relief(rungs, away, fracture, thickness=thickness, clearance=clearance)
@@ -134,22 +139,54 @@ class _Loop:
 def _partners(outer: _Loop, inner: _Loop, stations: Floats) -> Floats:
     """(n,) increasing lengths x_k along the inner loop, once round it: the nearest point, made monotone."""
     n, whole = len(stations), inner.length
-    away, index = cKDTree(inner.points[:-1]).query(outer.trimmed.surface.point(outer.at(stations)))
+    points = outer.trimmed.surface.point(outer.at(stations))
+    away, index = cKDTree(inner.points[:-1]).query(points)
     nearest = inner.lengths[index]
     even = np.arange(n) * whole / n
     # ahead of or behind an even pace, counted from the most usual lead: robust against single stations far off
     lead = np.exp(2j * np.pi * (nearest - even) / whole)
     start = float(np.angle(lead.mean())) * whole / (2 * np.pi)
     ahead = (nearest - even - start + whole / 2) % whole - whole / 2
-    least = LEAST_STEP * whole / n
+    ahead, down = _down_rings(ahead, points, inner.points[index] - points)
+    least = LEAST_STEP * whole / n * np.where(down, SLOW, 1.0)
     # three turns, so that the regression has no ends in the middle one
     turns = np.concatenate([even + ahead + k * whole for k in (-1, 0, 1)])
-    floor = least * np.arange(3 * n)
+    floor = np.cumsum(np.tile(least, 3))
     monotone = isotonic_regression(turns - floor).x + floor
     # averaged over a stretch as long as the wall is thick: rulings that turn faster cut each other
     half = max(1, round(0.5 * float(away.mean()) * n / outer.length))
-    window = np.ones(2 * half + 1) / (2 * half + 1)
-    return np.asarray(np.convolve(monotone, window, mode="same")[n : 2 * n] + start)
+    return _averaged(monotone, np.tile(_kept_from(down, half), 3))[n : 2 * n] + start
+
+
+def _kept_from(down: Bools, half: int) -> Ints:
+    """(n,) half widths that reach over no end of a run in a closed row: what lies beyond would draw it off a ring."""
+    ends = np.flatnonzero(down != np.roll(down, 1))
+    if not len(ends):
+        return np.full(len(down), half)
+    apart = np.abs(np.arange(len(down))[:, None] - ends)
+    apart = np.minimum(apart, np.minimum(np.abs(apart - 1), len(down) - apart))
+    return np.minimum(half, apart.min(axis=1))
+
+
+def _averaged(values: Floats, half: Ints) -> Floats:
+    """(n,) means over so many values on either side; those at the ends of the row are of no use."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    at = np.arange(len(values))
+    first, last = np.maximum(at - half, 0), np.minimum(at + half, len(values) - 1)
+    return np.asarray((total[last + 1] - total[first]) / (last - first + 1))
+
+
+def _down_rings(ahead: Floats, points: Floats, chord: Floats) -> tuple[Floats, Bools]:
+    """(n,) leads of partners, even along each run of stations down a foot ring and up again; and (n,) where these are.
+
+    points, chord  (n, 3) of the stations, and from there to the nearest points of the inner loop
+    """
+    n = len(points)
+    ahead, down = ahead.copy(), np.zeros(n, dtype=bool)
+    for rows in ring_runs(points, chord):
+        ahead[rows] = np.linspace(ahead[rows[0] - 1], ahead[(rows[-1] + 1) % n], len(rows))
+        down[rows] = True
+    return ahead, down
 
 
 def _halved(loops: tuple[_Loop, _Loop], pairs: Floats, corners: Ints, wide: Bools) -> tuple[Floats, Ints]:

@@ -106,8 +106,9 @@ def _depths(outer: Sheet, inner: Sheet) -> tuple[Floats, Floats]:
     covered = ((foot > low) & (foot < high)).all(axis=1)
     if not covered.any():
         raise NoWall("The inner wall lies nowhere under the outer one: the holes found in both walls do not match.")
-    uv, points, under = uv[covered], points[covered], inner.trimmed.surface.point(foot[covered])
-    side = np.sign(np.einsum("ij,ij->i", points - under, surface.normal(uv)))
+    points, under = points[covered], inner.trimmed.surface.point(foot[covered])
+    # by the inner wall's normal: the outer one faces any way on a foot ring
+    side = np.sign(np.einsum("ij,ij->i", points - under, inner.trimmed.surface.normal(foot[covered])))
     return points, side * np.linalg.norm(points - under, axis=1)
 
 

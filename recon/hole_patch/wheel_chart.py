@@ -73,12 +73,7 @@ class RolledChart:
 
     def unfolded(self, uv: Floats) -> Floats:
         """On the surface of revolution with the same radii and lengths whose profile never turns back."""
-        s = np.linspace(*self.profile.curve.domain, 2000)
-        slope = self.profile.curve.derivative(s)
-        risen = np.concatenate([[0.0], np.cumsum(np.abs(slope[:-1, 1]) * np.diff(s))])
-        angle, radius = uv[:, 0] / self.mean_radius, self.profile.radius(np.clip(uv[:, 1], s[0], s[-1]))
-        height = np.interp(uv[:, 1], s, risen)
-        return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+        return _never_turning(self.profile, uv[:, 0] / self.mean_radius, uv[:, 1])
 
     def bend(self, v: Floats) -> Floats:
         return self.profile.bend(v)
@@ -111,7 +106,8 @@ class DiskChart:
         return np.ones_like(v)
 
     def unfolded(self, uv: Floats) -> Floats:
-        return self.space(np.column_stack([uv, np.zeros(len(uv))]))
+        """As of the rolled chart: down a foot ring and up again is as far as it is along the wall."""
+        return _never_turning(self.profile, np.arctan2(*uv.T), self.crossing + np.hypot(*uv.T))
 
     def bend(self, v: Floats) -> Floats:
         return self.profile.bend(self.crossing + v)
@@ -121,6 +117,15 @@ class DiskChart:
 
     def limits(self) -> tuple[Floats, Floats]:
         return np.full(2, -np.inf), np.full(2, np.inf)
+
+
+def _never_turning(profile: Profile, angle: Floats, s: Floats) -> Floats:
+    """(m, 3) points of angles and lengths along the profile whose heights only rise with the length."""
+    steps = np.linspace(*profile.curve.domain, 2000)
+    slope = profile.curve.derivative(steps)
+    risen = np.concatenate([[0.0], np.cumsum(np.abs(slope[:-1, 1]) * np.diff(steps))])
+    radius, height = profile.radius(np.clip(s, steps[0], steps[-1])), np.interp(s, steps, risen)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
 
 
 def wheel_chart(wall: Wall, axis: Axis, *, start: BSplineCurve | None = None) -> WheelChart:

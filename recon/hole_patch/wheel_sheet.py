@@ -191,7 +191,7 @@ def _fitted(wall: Wall, axis: Axis, like: WallFit | None) -> WallFit:
     wall, axis = wall_in(wall, unit), axis_in(axis, unit)
     start = None if like is None else scaled_curve(like.chart.profile.curve, like.unit / unit)
     chart = wheel_chart(wall, axis, start=start)
-    if wall.over_lip:
+    if wall.edge.normals is not None:
         wall = with_clean_edge(wall, chart, DOWN / unit)
     edge = chart.flat(wall.edge.points, wall.edge.normals)
     ring = _ring(wall, chart, edge)
@@ -209,7 +209,7 @@ def _fitted(wall: Wall, axis: Axis, like: WallFit | None) -> WallFit:
 
 def clean_wall(wall: Wall, axis: Axis) -> Wall:
     """The wall with the edge of its hole as `wheel_sheet` draws the face to it: `Sheet.sound` counts its points."""
-    if not wall.over_lip:
+    if wall.edge.normals is None:
         return wall
     unit = unit_length(wall, axis)
     scaled = wall_in(wall, unit)
