@@ -29,7 +29,7 @@ from scipy.spatial import cKDTree
 from recon.subdivision.evaluation import MAX_SUPPORT, N_BASIS, PatchArrays, patch_weights, points_at
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Feet", "joined", "nearest_feet", "sample_places", "seed_feet", "walk_feet"]
+__all__ = ["EXACT", "ROUGH", "Feet", "joined", "nearest_feet", "sample_places", "seed_feet", "walk_feet"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
