@@ -63,15 +63,15 @@ def fit(scan: Mesh, options: "FitOptions | None" = None, *, angle_deg: float = 0
     angle_deg  degrees by which tangent planes may differ along smooth edges
     Raises     ReconError, GateFailed.
     """
-    from brep_export.app.fit_job import fitted_quads
     from brep_export.app.limit_shape import limit_shape
     from recon.geometric_fit.options import FitOptions
     from recon.geometric_fit.pipeline import fit_surface
+    from recon.geometric_fit.row_fit import fit_rows
     from recon.subdivision.limit_surface import Scheme
 
     mesh = _mesh(scan)
     if options is None:
-        fitted = fitted_quads(mesh, FitOptions(scheme=Scheme.CATMULL_CLARK), doing=_silent)
+        fitted = fit_rows(mesh, FitOptions(scheme=Scheme.CATMULL_CLARK), doing=_silent)
     else:
         fitted = fit_surface(mesh, options)
     made = limit_shape(fitted.mesh, fitted.scheme, angle_deg, _bench())

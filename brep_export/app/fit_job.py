@@ -1,7 +1,6 @@
 """The job behind `recon fit`: a scan to a subdivision surface: its control mesh and, if asked for, a kernel shape."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,21 +17,19 @@ from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport
 from brep_export.control_mesh_files import CONTROL_MESH_ENDINGS, write_control_mesh
 from brep_export.staging import staged
-from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.pipeline import FitOptions, FittedSurface, fit_surface
-from recon.geometric_fit.quad_remesh import remeshed_quads
+from recon.geometric_fit.row_fit import fit_rows
 from recon.geometric_fit.updates import Update
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.readers.meshes import read_mesh
 from recon.subdivision.limit_surface import Scheme, tessellate
 
-__all__ = ["fit", "fitted_quads"]
+__all__ = ["fit"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
-QUAD_SHARE, MOST_QUADS = 5, 6500  # quadrilaterals of a solid, where nobody asks: a fifth of the points, but no more
-DOUBLINGS = 4
+CLOSE_CAPS = 2e-4  # mean edges off the limit: on scans, caps ten times as far off cut each other at small quads
 
 
 def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
@@ -57,7 +54,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
         robust=request["robust"],
     )
     with bench.phase("reconstruct", "fitting the surface"):
-        fit = fitted_quads if remeshed else fit_surface
+        fit = fit_rows if remeshed else fit_surface
         fitted = fit(file.mesh, options, doing=bench.doing)
     if fitted.n_closed:
         bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.", name="closed-holes")
@@ -84,37 +81,13 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
 
 
-def fitted_quads(scan: TriangleMesh, options: FitOptions, *, doing: Callable[[str], None]) -> FittedSurface:
-    """The fit that makes the best solid: quadrilaterals in rows, moved to the scan, none added where they stand.
-
-    Twice as many are taken, a few times at most, where the tolerance asks for more.
-    """
-    whole, _ = close_holes(scan) if options.close else (scan, 0)
-    count = options.control_points or min(max(scan.n_vertices // QUAD_SHARE, 200), MOST_QUADS)
-    for _ in range(DOUBLINGS):
-        doing(f"laying about {count} quadrilaterals over the scan")
-        start = remeshed_quads(whole, count)
-        for _ in range(DOUBLINGS):
-            if options.control_points is None or start.n_vertices <= options.control_points:
-                break
-            count = int(0.95 * count * options.control_points / start.n_vertices)
-            start = remeshed_quads(whole, count)
-        chosen = replace(options, start=start, plain=True, control_points=start.n_vertices)
-        fitted = fit_surface(scan, chosen, doing=doing)
-        reached = options.tolerance is None or float(fitted.distances.max()) <= options.tolerance
-        if reached or options.control_points is not None or 2 * count > scan.n_vertices:
-            break
-        count *= 2
-    return fitted
-
-
 def _shape_written(
     scan: TriangleMesh, fitted: FittedSurface, request: Mapping[str, Any], bench: Bench
 ) -> tuple[dict[str, Any], tuple[str, ...], list[str]]:
     """Figures of the kernel shape, the reasons against it, and the files written; no shape where none is asked for."""
     if not request["outputs"]:
         return {}, (), _picture_alone(scan, fitted, request, bench)
-    made = limit_shape(fitted.mesh, fitted.scheme, request["angle"], bench)
+    made = limit_shape(fitted.mesh, fitted.scheme, request["angle"], bench, accuracy=CLOSE_CAPS)
     report: CheckReport = gate(made.shape, made.tolerance, made.kind, bench)
     named = {**request, "name": request["name"] or "fitted surface"}
     paint, measured = partial(_paint, scan, fitted), partial(_measured, scan, fitted)

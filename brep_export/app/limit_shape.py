@@ -13,7 +13,7 @@ from brep_export.mosaics import mosaic_shape
 from recon.geometry.control_mesh import ControlMesh
 from recon.subdivision.limit_faces import limit_faces
 from recon.subdivision.limit_surface import Scheme
-from recon.subdivision.quad_faces import LimitFaces
+from recon.subdivision.quad_faces import ACCURACY, LimitFaces
 from recon.tolerance import Tolerance
 
 __all__ = ["LimitShape", "limit_shape"]
@@ -41,12 +41,17 @@ class LimitShape(NamedTuple):
         }
 
 
-def limit_shape(mesh: ControlMesh, scheme: Scheme, angle_deg: float, bench: Bench) -> LimitShape:
-    """Solid of a closed control mesh, shell of an open one; angle_deg is what the gate allows along smooth edges."""
+def limit_shape(
+    mesh: ControlMesh, scheme: Scheme, angle_deg: float, bench: Bench, *, accuracy: float = ACCURACY
+) -> LimitShape:
+    """Solid of a closed control mesh, shell of an open one; angle_deg is what the gate allows along smooth edges.
+
+    accuracy  how far caps may stay from the limit surface, in mean edges of the control mesh
+    """
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     tolerance = Tolerance(merge=MERGE * diagonal, fit=FIT * diagonal, angle=radians(angle_deg))
     with bench.phase("brep", "laying faces over the surface"):
-        faces = limit_faces(mesh, scheme)
+        faces = limit_faces(mesh, scheme, accuracy=accuracy)
         shape = mosaic_shape(faces.mosaic, tolerance)
     kind = ShapeKind.SOLID if faces.mosaic.is_closed else kind_of(shape)
     if faces.off > 0.0:

@@ -23,6 +23,7 @@ Bools = NDArray[np.bool_]
 
 HALVINGS = 3  # of a step that folds the surface
 UNFOLDINGS, UNFOLDING = 24, 0.25  # steps that take folds out, and how far toward the mean each goes
+WIDENINGS = 2  # times that as many steps follow which move the neighbours, too, where folds are left
 
 
 class Step(NamedTuple):
@@ -64,18 +65,30 @@ def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:
 
     Where no way leads out of all folds, the state with the fewest is kept.
     """
-    points, fewest = smoothed_out(mesh.vertices, guards, neighbour_means(mesh))
+    held = np.zeros(mesh.n_vertices, dtype=np.bool_)
+    held[mesh.crease_edges] = True
+    points, fewest = smoothed_out(mesh.vertices, guards, neighbour_means(mesh), held)
     return mesh.with_vertices(points), fewest
 
 
-def smoothed_out(points: Floats, guards: FoldGuards, means: sparse.csr_array) -> tuple[Floats, int]:
-    """The same of control points (V, 3) with the matrix of their neighbours' means."""
+def smoothed_out(
+    points: Floats, guards: FoldGuards, means: sparse.csr_array, held: Bools | None = None
+) -> tuple[Floats, int]:
+    """The same of control points (V, 3) with the matrix of their neighbours' means.
+
+    held  (V,) points that move only where they are folded themselves
+    """
     folded = guards.folded(points)
     best, fewest = points, int(folded.sum())
-    for _ in range(UNFOLDINGS):
+    for number in range(UNFOLDINGS * (1 + WIDENINGS)):
         if not folded.any():
             break
-        points = np.where(folded[:, None], points + UNFOLDING * (means @ points - points), points)
+        moving = folded
+        for _ in range(number // UNFOLDINGS):
+            moving = guards.widened(moving)
+        if held is not None:
+            moving = moving & (folded | ~held)
+        points = np.where(moving[:, None], points + UNFOLDING * (means @ points - points), points)
         folded = guards.folded(points)
         if folded.sum() < fewest:
             best, fewest = points, int(folded.sum())

@@ -30,6 +30,8 @@ from recon.subdivision.evaluation import N_BASIS, NetCache, PatchArrays, net_cac
 from recon.subdivision.limit_surface import LimitPatches
 
 __all__ = [
+    "EXACT",
+    "ROUGH",
     "Feet",
     "Places",
     "Samples",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from recon.geometric_fit.convergence import Norms, StoppedBy
 
-__all__ = ["Growth"]
+__all__ = ["CYCLES", "Growth"]
 
 CYCLES = 4  # refinements of a fit to a number of control points
 GROWTH = 1.5  # times more control points a cycle, where only a tolerance is given

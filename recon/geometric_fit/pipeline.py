@@ -23,18 +23,21 @@ from threadpoolctl import threadpool_limits
 from recon.errors import BadGeometry, NoSurface
 from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
-from recon.geometric_fit.creases import n_loose_ends, with_creases
+from recon.geometric_fit.creases import n_loose_ends, with_creases, without_loose_ends
+from recon.geometric_fit.crossings import without_crossings
 from recon.geometric_fit.exact_distances import exact_distances
 from recon.geometric_fit.folding import stepped, unfolded
 from recon.geometric_fit.foot_points import Feet, joined, nearest_feet, walk_feet, walk_on
-from recon.geometric_fit.growth import Growth
+from recon.geometric_fit.growth import CYCLES, Growth
 from recon.geometric_fit.guards import Guards, Strays, fairness
 from recon.geometric_fit.hole_filling import close_holes
 from recon.geometric_fit.initial_mesh import NoControlMesh, initial_mesh
 from recon.geometric_fit.options import FitOptions, FittedSurface
 from recon.geometric_fit.patch_rows import PatchColumns, patch_columns, patch_part
 from recon.geometric_fit.quad_mesh import initial_quads
-from recon.geometric_fit.refinement import flip_to_even_valences, inset_faces, split_faces
+from recon.geometric_fit.quad_splits import refine_quads
+from recon.geometric_fit.quad_turns import turned_to_even_valences
+from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
 from recon.geometric_fit.relaxation import relaxed
 from recon.geometric_fit.reweighting import GENTLE, STEEP, reweighed
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
@@ -55,6 +58,7 @@ FIRST_SHARE = 0.8  # of the control points are there from the start, the others 
 RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
 FEWEST = 100  # control points at which no fewer are tried
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
+FIRST_SHARP_QUADS = 0.85  # of them where edges were put back: small faces that come later fold less
 ROUNDS = 4  # before each refinement
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
 FAIRNESS, LEAST_FAIRNESS = 1e-3, 1.5e-4  # weight of the control mesh's own energy, as a share of the data's
@@ -159,17 +163,21 @@ class _Fit:
     def run(self) -> FittedSurface:
         self._doing("simplifying the scan")
         ground = self._ground(self._initial())
-        stopped, cycle, last = None, 0, None
+        stopped, cycle, last, grows = None, 0, None, not self._options.plain
         while stopped is None:
-            final = self._options.plain or ground.mesh.n_vertices >= self._full()
+            final = not grows or ground.mesh.n_vertices >= self._limit
             n_rounds = self._options.rounds if final else ROUNDS
             ground, feet = self._settled(ground, cycle, n_rounds)
             errors = norms(self._distances(feet), self._scan.diagonal)
             stopped = self._growth.ended(errors, last, diagonal=self._scan.diagonal, final=final)
             if stopped is None:
-                last, cycle = errors, cycle + 1
+                last, cycle, before = errors, cycle + 1, ground.mesh.n_vertices
                 ground = self._refined(ground.mesh, feet, cycle)
+                grows = ground.mesh.n_vertices > before or cycle < CYCLES
                 del feet  # those of the next control mesh need the room
+        if self._options.start is not None:
+            self._doing("looking for surface that cuts itself")
+            ground = ground._replace(mesh=without_crossings(ground.mesh, ground.patches))
         return self._finished(ground, feet, stopped)
 
     def _initial(self) -> ControlMesh:
@@ -178,16 +186,29 @@ class _Fit:
             return self._options.start
         if self._options.scheme is Scheme.LOOP:
             return self._triangles(self._first_count())
-        return initial_quads(self._triangles if self._options.plain else self._fitted_triangles, self._first_count())
+        triangles = self._triangles if self._options.plain else self._fitted_triangles
+        if self._options.scheme is Scheme.CATMULL_CLARK:
+            return initial_quads(triangles, self._first_count(), evened=self._evened)
+        return initial_quads(lambda n: without_loose_ends(triangles(n)), self._first_count(), evened=self._evened)
+
+    def _evened(self, quads: ControlMesh) -> ControlMesh:
+        """Even valences, and even spacing between sharp edges."""
+        return relaxed(quads, self._sharp.mesh) if len(quads.crease_edges) else turned_to_even_valences(quads)
 
     def _triangles(self, count: int) -> ControlMesh:
         """The scan simplified, its sharp edges marked, valences evened out."""
-        scan = self._sharp.mesh
-        angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
-        mesh = with_creases(initial_mesh(scan, count), self._sharp, angle)
-        if _is_ragged(mesh) and not self._options.plain:
-            mesh = self._less_ragged(count, angle) or initial_mesh(scan, count)
-        return relaxed(mesh, scan) if len(mesh.crease_edges) else flip_to_even_valences(mesh)
+        mesh = self._with_edges(count)
+        if mesh is not None and len(mesh.crease_edges):
+            return relaxed(mesh, self._sharp.mesh)
+        return flip_to_even_valences(mesh or initial_mesh(self._sharp.mesh, count))
+
+    def _with_edges(self, count: int) -> ControlMesh | None:
+        """The same with its edges marked, coarser while these are ragged; None where none of them is left then."""
+        angle = self._options.crease_angle
+        mesh = with_creases(initial_mesh(self._sharp.mesh, count), self._sharp, angle)
+        if self._options.plain or count <= FEWEST or not _is_ragged(mesh):
+            return mesh
+        return self._less_ragged(count, angle)
 
     def _less_ragged(self, count: int, angle: float) -> ControlMesh | None:
         """A coarser mesh whose sharp edges are chains, if there are any in the end.
@@ -206,20 +227,18 @@ class _Fit:
 
     def _fitted_triangles(self, count: int) -> ControlMesh:
         """The control mesh of a Loop surface: its points are where the error was, its valences even."""
-        angle = np.pi if self._options.scheme is Scheme.DOO_SABIN else self._options.crease_angle
-        options = FitOptions(control_points=count, crease_angle=angle, robust=self._options.robust)
+        angle, robust = self._options.crease_angle, self._options.robust
+        options = FitOptions(control_points=count, crease_angle=angle, robust=robust)
         return _Fit(self._whole, options, self._doing).run().mesh
-
-    def _full(self) -> int:
-        """Control points from which on there is no room for more: triangles take one at a time, quadrilaterals four."""
-        return self._limit if self._options.scheme is Scheme.LOOP else self._limit - 3
 
     def _first_count(self) -> int:
         if self._options.plain:
             return self._limit
         if self._growth.toward_tolerance:
             return max(min(self._scan.n_measured // 100, self._limit), 100)
-        share = FIRST_SHARE if self._options.scheme is Scheme.LOOP else FIRST_QUADS
+        share = FIRST_SHARE
+        if self._options.scheme is not Scheme.LOOP:
+            share = FIRST_SHARP_QUADS if self.has_edges_put_back else FIRST_QUADS
         return max(int(share * self._limit), 4)
 
     def _ground(self, mesh: ControlMesh) -> _Ground:
@@ -230,8 +249,9 @@ class _Fit:
         """Some rounds on one control mesh: pull, move, find the feet again."""
         (mesh, patches, guards), scan = ground, self._scan
         borders, columns = Borders(mesh, patches, scan), patch_columns(patches)
-        # a step is only allowed to keep what is not folded so: start without folds
-        points = unfolded(mesh, guards)[0].vertices
+        # a step is only allowed to keep what is not folded so: start without folds; but where a start was given, tips
+        # would be smoothed away with them, and most folds leave in the rounds
+        points = mesh.vertices if self._options.start is not None else unfolded(mesh, guards)[0].vertices
         feet = nearest_feet(patches, patches.points @ points, scan.points, step=1e-5)
         distance = row_distances(feet.positions, scan.points)
         stiffer, updater = np.ones(mesh.n_vertices), Updater(self._options.update)
@@ -334,7 +354,7 @@ class _Fit:
         n_new = self._growth.more(mesh.n_vertices, cycle)
         worst = self._worst_faces(mesh, feet, n_new)
         if self._options.scheme is not Scheme.LOOP:
-            return self._ground(inset_faces(mesh, worst, n_new))
+            return self._ground(turned_to_even_valences(refine_quads(mesh, worst, n_new)))
         split = split_faces(mesh, worst, n_new)
         flipped = self._ground(flip_to_even_valences(split))
         n_folded = int(flipped.guards.folded(flipped.mesh.vertices).sum())

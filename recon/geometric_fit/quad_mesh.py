@@ -6,8 +6,8 @@
     |     \\ |     \\ |          |       |       |       every triangle has three neighbours and no edge is a bridge.
     o-------o-------o          o-------o-------o
 
-Pairs do not reach over creases. Where these, or a border, leave triangles over, a mesh of a quarter is taken and
-every face, three- or four-sided, is cut into quadrilaterals from its middle.
+Pairs do not reach over creases. Where these, or a border, leave triangles over, strips are cut from one to the next
+(`quad_splits`).
 
 Paper  [petersen1891], the pairing exists; [edmonds1965], paths, trees and flowers that find it.
 """
@@ -18,35 +18,84 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometric_fit.initial_mesh import NoControlMesh
+from recon.geometric_fit.quad_splits import inset, with_quads_only
+from recon.geometric_fit.quad_turns import turned_to_even_valences
+from recon.geometric_fit.refinement import split_sides
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
+from recon.subdivision.sheets import VertexKind, cut_along_creases
 
 __all__ = ["initial_quads", "paired", "without_doublets"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
+SPLITS = 4  # rounds in which triangles at creases are split
 BENT = 0.5  # what a right angle between the two triangles of a pair costs, beside a corner that is right angle off
 
 
-def initial_quads(triangles: Callable[[int], ControlMesh], n_vertices: int) -> ControlMesh:
+def initial_quads(
+    triangles: Callable[[int], ControlMesh],
+    n_vertices: int,
+    *,
+    evened: Callable[[ControlMesh], ControlMesh] = turned_to_even_valences,
+) -> ControlMesh:
     """A quadrilateral control mesh of at most `n_vertices`, its creases marked.
 
     triangles  makes a triangle control mesh of at most so many vertices
+    evened     makes valences, and perhaps spacing, of quadrilaterals even
     Raises     NoControlMesh.
     """
-    mesh = triangles(n_vertices)
-    quads, left = paired(mesh)
-    if len(left) == 0:
-        return without_doublets(mesh, quads)
-    count = n_vertices // 4
+    count = n_vertices
     while count >= 4:
-        mesh = triangles(count)
-        cut = _cut_from_middles(mesh, *paired(mesh))
-        if cut.n_vertices <= n_vertices:
-            return cut
-        count = int(0.95 * count * n_vertices / cut.n_vertices)
+        mesh = with_room_at_creases(triangles(count))
+        quads, left = paired(mesh)
+        found = without_doublets(mesh, quads) if len(left) == 0 else _with_strips(mesh, quads, left)
+        found = with_smooth_creases(evened(found))
+        if found.n_vertices <= n_vertices:
+            return evened(found)
+        count = int(0.98 * count * n_vertices / found.n_vertices)
     raise NoControlMesh(f"no mesh of quadrilaterals with {n_vertices} control points was found; ask for more.")
+
+
+def _with_strips(mesh: ControlMesh, quads: Ints, left: Ints) -> ControlMesh:
+    """The mesh with triangles left over joined by strips."""
+    faces = [*quads.tolist(), *mesh.faces_of(3)[left].tolist()]
+    creases, marked = mesh.crease_edges, mesh.corner_vertices
+    mixed = ControlMesh.from_faces(mesh.vertices, faces, crease_edges=creases, corner_vertices=marked)
+    cut = with_quads_only(mixed)
+    return without_doublets(cut, cut.faces_of(4))
+
+
+def with_room_at_creases(mesh: ControlMesh) -> ControlMesh:
+    """The triangles split so that three lie on each side of a smooth crease at every vertex, as far as that goes.
+
+    Fewer would become a single quadrilateral there.
+    """
+    for _ in range(SPLITS):
+        sheets, _ = cut_along_creases(mesh, 3)
+        faces, flat = sheets.faces, sheets.faces.ravel()
+        counts = np.bincount(flat, minlength=len(sheets.kinds))
+        narrow = (sheets.kinds == VertexKind.BORDER) & (counts < 3)
+        opposite = (np.arange(faces.size) // 3) * 3 + (np.arange(faces.size) % 3 + 1) % 3
+        wanted = np.flatnonzero(narrow[flat] & (sheets.across.ravel()[opposite] >= 0))
+        if len(wanted) == 0:
+            break
+        ends = np.stack([mesh.faces_of(3), np.roll(mesh.faces_of(3), -1, axis=1)], axis=2).reshape(-1, 2)
+        x = mesh.vertices[ends[opposite[wanted]]]
+        order = np.lexsort((-np.linalg.norm(x[:, 1] - x[:, 0], axis=1), flat[wanted]))
+        _, first = np.unique(flat[wanted][order], return_index=True)
+        mesh = split_sides(mesh, opposite[wanted[order[first]]])
+    return mesh
+
+
+def with_smooth_creases(mesh: ControlMesh) -> ControlMesh:
+    """The mesh with a quadrilateral put into each that is alone at a smooth crease: no tangent plane would be there."""
+    sheets, _ = cut_along_creases(mesh, 4)
+    alone = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds)) == 1
+    alone &= sheets.kinds == VertexKind.BORDER
+    return inset(mesh, np.flatnonzero(alone[sheets.faces].any(axis=1)))
 
 
 def paired(mesh: ControlMesh) -> tuple[Ints, Ints]:
@@ -57,7 +106,7 @@ def paired(mesh: ControlMesh) -> tuple[Ints, Ints]:
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
     creases = np.sort(mesh.crease_edges, axis=1)
     across[np.isin(ends[..., 0] * n + ends[..., 1], creases[:, 0] * n + creases[:, 1])] = -1
-    mate = _greedy(faces, across, mesh.vertices)
+    mate = _greedy(faces, across, mesh.vertices, _needed(mesh))
     neighbours = np.where(across >= 0, across // 3, -1)
     _augment(neighbours, mate)
     first = np.flatnonzero(mate > np.arange(len(faces)))
@@ -68,13 +117,23 @@ def paired(mesh: ControlMesh) -> tuple[Ints, Ints]:
     return np.stack([corners[0], tip, corners[1], corners[2]], axis=1), np.flatnonzero(mate < 0)
 
 
-def _greedy(faces: Ints, across: Ints, vertices: Floats) -> Ints:
-    """(F,) the mate of each triangle, -1 without one; best pairs first."""
+def _needed(mesh: ControlMesh) -> Bools:
+    """(F, 3) sides that should stay: between the only two triangles that a crease or border runs smoothly past."""
+    sheets, _ = cut_along_creases(mesh, 3)
+    counts = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds))
+    single = (sheets.kinds == VertexKind.BORDER) & (counts == 2)
+    ends = np.stack([sheets.faces, np.roll(sheets.faces, -1, axis=1)], axis=2)
+    return np.asarray(single[ends].any(axis=2) & (sheets.across >= 0))
+
+
+def _greedy(faces: Ints, across: Ints, vertices: Floats, needed: Bools) -> Ints:
+    """(F,) the mate of each triangle, -1 without one; best pairs first, those over needed sides (F, 3) last."""
     face, side = np.nonzero(across > 3 * np.arange(len(faces))[:, None] + np.arange(3))
     other = across[face, side]
     tip = faces[other // 3, (other % 3 + 2) % 3]
     quads = np.stack([faces[face, side], tip, faces[face, (side + 1) % 3], faces[face, (side + 2) % 3]], axis=1)
-    order = np.argsort(_badness(vertices[quads]), kind="stable")
+    badness = _badness(vertices[quads])
+    order = np.lexsort((badness, needed[face, side]))
     mate = np.full(len(faces), -1)
     for one, two in zip(face[order].tolist(), (other[order] // 3).tolist()):
         if mate[one] < 0 and mate[two] < 0:
@@ -210,29 +269,4 @@ def without_doublets(mesh: ControlMesh, quads: Ints) -> ControlMesh:
         renumbered.reshape(-1, 4).astype(np.int64),
         crease_edges=number[mesh.crease_edges],
         corner_vertices=number[mesh.corner_vertices],
-    )
-
-
-def _cut_from_middles(mesh: ControlMesh, quads: Ints, left: Ints) -> ControlMesh:
-    """Every face cut into one quadrilateral a corner, by its middle and those of its sides."""
-    faces = [quads, mesh.faces_of(3)[left]]
-    n = mesh.n_vertices
-    ends = np.concatenate([np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2) for f in faces])
-    edges, number = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
-    number = number.ravel()
-    middles, cut, first = [mesh.vertices, mesh.vertices[edges].mean(axis=1)], [], 0
-    centre = n + len(edges)
-    for f in faces:
-        k = f.shape[1]
-        side = n + number[first : first + f.size].reshape(f.shape)
-        first += f.size
-        middle = np.repeat(centre + np.arange(len(f))[:, None], k, axis=1)
-        centre += len(f)
-        cut.append(np.stack([f, side, middle, np.roll(side, 1, axis=1)], axis=2).reshape(-1, 4))
-        middles.append(mesh.vertices[f].mean(axis=1))
-    creases = np.sort(mesh.crease_edges, axis=1)
-    known = np.flatnonzero(np.isin(edges[:, 0] * n + edges[:, 1], creases[:, 0] * n + creases[:, 1]))
-    halves = np.concatenate([np.stack([edges[known, i], n + known], axis=1) for i in (0, 1)])
-    return ControlMesh.from_faces(
-        np.concatenate(middles), np.concatenate(cut), crease_edges=halves, corner_vertices=mesh.corner_vertices
     )

@@ -8,11 +8,6 @@
         \\   /             \\ | /                                      \\   /          \\ | /
           d                 d                                          d              d
 
-    inset: a quadrilateral in a bad one      a---b          a-----b
-                                             |   |   -->    | m-n |
-                                             d---c          | p-o |   ...
-                                                            d-----c
-
 d_opt is 6 inside and 4 on the border. Neighbours stay whole, so the mesh conforms after every step. Creases are never
 flipped, and stay creases when split.
 
@@ -30,7 +25,7 @@ from numpy.typing import NDArray
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
 
-__all__ = ["flip_to_even_valences", "inset_faces", "split_faces"]
+__all__ = ["flip_to_even_valences", "split_faces", "split_sides"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -89,33 +84,25 @@ def split_faces(mesh: ControlMesh, worst_first: Ints, n_new: int) -> ControlMesh
     return _mesh(vertices[:n_vertices], grown, mesh.corner_vertices)
 
 
-def inset_faces(mesh: ControlMesh, worst_first: Ints, n_new: int) -> ControlMesh:
-    """Put a smaller quadrilateral into each of the given ones, four points each, at most `n_new` points in all.
+def split_sides(mesh: ControlMesh, chosen: Ints) -> ControlMesh:
+    """Split the given sides, numbers 3 face + side, in this order; one of a face that was split already is passed over.
 
-    worst_first  (m,) faces; one that shares a corner with a worse one is passed over
-    Promises     the old vertices keep their numbers; neighbours stay whole.
+    Promises  as of `split_faces`.
     """
-    faces = mesh.faces_of(4)
-    touched = np.zeros(mesh.n_vertices, dtype=np.bool_)
-    chosen: list[int] = []
-    for face in worst_first.tolist():
-        if len(chosen) == n_new // 4:
-            break
-        if not touched[faces[face]].any():
-            touched[faces[face]] = True
-            chosen.append(face)
-    outer = faces[np.array(chosen, dtype=np.int64)]
-    corners = mesh.vertices[outer]
-    inner_points = (2.0 * corners + corners.mean(axis=1, keepdims=True)) / 3.0
-    inner = mesh.n_vertices + np.arange(outer.size).reshape(outer.shape)
-    around = np.stack([outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1), inner], axis=2).reshape(-1, 4)
-    grown = np.concatenate([np.delete(faces, chosen, axis=0), inner, around])
-    return ControlMesh.from_faces(
-        np.concatenate([mesh.vertices, inner_points.reshape(-1, 3)]),
-        grown,
-        crease_edges=mesh.crease_edges,
-        corner_vertices=mesh.corner_vertices,
-    )
+    sides = _sides(mesh)
+    faces, across = (np.concatenate([part, np.full(6 * len(chosen), -1)]) for part in (sides.faces, sides.across))
+    sharp = np.concatenate([sides.sharp, np.zeros(6 * len(chosen), dtype=np.bool_)])
+    vertices = np.concatenate([mesh.vertices, np.empty((len(chosen), 3))])
+    touched = np.arange(len(faces) // 3) >= mesh.n_faces
+    n_faces, n_vertices = mesh.n_faces, mesh.n_vertices
+    for side in chosen.tolist():
+        pair = [face // 3 for face in (side, int(across[side])) if face >= 0]
+        if not touched[pair].any():
+            touched[pair] = True
+            n_faces = _split(faces, across, sharp, vertices, side, n_faces, n_vertices)
+            n_vertices += 1
+    grown = _Sides(faces[: 3 * n_faces], across[: 3 * n_faces], sharp[: 3 * n_faces])
+    return _mesh(vertices[:n_vertices], grown, mesh.corner_vertices)
 
 
 @njit(cache=True)

@@ -33,7 +33,7 @@ from recon.subdivision.mosaic import Tile, joined
 from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases, fan_corners
 from recon.subdivision.uniform_splines import clamped
 
-__all__ = ["LimitFaces", "catmull_clark_faces", "doo_sabin_faces"]
+__all__ = ["ACCURACY", "LimitFaces", "catmull_clark_faces", "doo_sabin_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

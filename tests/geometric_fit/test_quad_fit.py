@@ -2,18 +2,24 @@
 
 import numpy as np
 import pytest
+from block_mesh import block
 from hull_meshes import ball, bumpy_ball, disc
 from numpy.testing import assert_allclose
 
 from recon.geometric_fit.foot_points import EXACT, nearest_feet
+from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.pipeline import FitOptions, fit_surface
-from recon.geometric_fit.quad_mesh import initial_quads, paired
-from recon.geometric_fit.refinement import inset_faces
+from recon.geometric_fit.quad_mesh import initial_quads, paired, without_doublets
+from recon.geometric_fit.quad_splits import inset, refine_quads, split_rows, with_quads_only
+from recon.geometric_fit.quad_turns import turned_to_even_valences
 from recon.geometric_fit.updates import Update
+from recon.geometric_fit.wrapping import wrapped
 from recon.geometry.control_mesh import ControlMesh
+from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
-from recon.numerics.halfedges import opposite_sides
+from recon.numerics.halfedges import edge_table, opposite_sides
 from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate
+from recon.subdivision.sheets import VertexKind, cut_along_creases
 
 QUADS = [Scheme.CATMULL_CLARK, Scheme.DOO_SABIN]
 
@@ -60,11 +66,96 @@ def test_pairs_do_not_reach_over_creases():
     assert not {tuple(e) for e in broken.tolist()} & {tuple(e) for e in diagonals.tolist()}
 
 
-def test_an_inset_adds_four_points_and_keeps_the_surface_whole():
-    quads = ControlMesh.from_faces(ball(300, 3).vertices, paired(control_mesh(ball(300, 3)))[0])
-    grown = inset_faces(quads, np.arange(quads.n_faces), 43)
+def quads_of(shape):
+    return ControlMesh.from_faces(shape.vertices, paired(control_mesh(shape))[0])
+
+
+def is_whole(mesh, euler):
+    faces = mesh.faces_of(4)
+    table = edge_table(faces)
+    distinct = (np.sort(faces, axis=1)[:, 1:] != np.sort(faces, axis=1)[:, :-1]).all()
+    return distinct and euler_number_of(mesh, 4) == euler and len(table.overused()) == len(table.misoriented()) == 0
+
+
+def test_an_inset_adds_four_points_a_face_and_keeps_the_surface_whole():
+    quads = quads_of(ball(300, 3))
+    grown = inset(quads, np.arange(10))
     assert grown.n_vertices == 340
-    assert euler_number_of(grown, 4) == 2
+    assert is_whole(grown, 2)
+
+
+@pytest.mark.parametrize("n_new", [40, 200])
+def test_faces_cut_in_four_leave_no_corner_in_the_middle_of_a_side(n_new):
+    quads = quads_of(ball(300, 3))
+    grown = refine_quads(quads, np.arange(quads.n_faces), n_new)
+    assert quads.n_vertices < grown.n_vertices <= quads.n_vertices + n_new
+    assert_allclose(grown.vertices[: quads.n_vertices], quads.vertices)
+    assert is_whole(grown, 2)
+
+
+def test_triangles_among_quadrilaterals_go_and_creases_stay():
+    shape = ball(300, 5)
+    creases = np.sort(shape.face_vertices[::7, :2], axis=1)
+    quads, _ = paired(control_mesh(shape, crease_edges=creases))
+    cut = [corners for a, b, c, d in quads[:40:8].tolist() for corners in ([a, b, c], [a, c, d])]
+    mixed = [*np.delete(quads, np.arange(0, 40, 8), axis=0).tolist(), *cut]
+    mesh = with_quads_only(ControlMesh.from_faces(shape.vertices, mixed, crease_edges=creases))
+    assert is_whole(mesh, 2)
+
+    def length(vertices, edges):
+        return np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1).sum()
+
+    assert length(mesh.vertices, mesh.crease_edges) == pytest.approx(length(shape.vertices, np.unique(creases, axis=0)))
+
+
+def test_rows_halved_where_the_error_is_make_no_irregular_vertex():
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(12), np.arange(8), indexing="ij"))
+    right, up = (i + 1) % 12, (j + 1) % 8
+    quads = np.stack([8 * i + j, 8 * right + j, 8 * right + up, 8 * i + up], axis=1)
+    a, b = np.pi * i / 6.0, np.pi * j / 4.0
+    points = np.stack([(3.0 + np.cos(b)) * np.cos(a), (3.0 + np.cos(b)) * np.sin(a), np.sin(b)], axis=1)
+    grown = split_rows(ControlMesh.from_faces(points, quads), (i == 4).astype(float), 8)
+    assert grown.n_vertices == 96 + 8
+    assert (np.bincount(grown.face_corners) == 4).all()
+    assert is_whole(grown, 0)
+    bands = np.linalg.norm(np.diff(grown.vertices[grown.faces_of(4)][:, :2], axis=1)[:, 0], axis=1)
+    assert (bands < 0.7 * np.median(bands)).sum() >= 12
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_turned_edges_make_valences_even(seed):
+    quads = without_doublets(quads_of(ball(400, seed)), quads_of(ball(400, seed)).faces_of(4))
+    turned = turned_to_even_valences(quads)
+    unevenness = [((np.bincount(mesh.face_corners) - 4) ** 2).sum() for mesh in (quads, turned)]
+    assert unevenness[1] < unevenness[0]
+    assert is_whole(turned, 2)
+
+
+def test_three_triangles_make_room_at_a_smooth_crease():
+    shape = block(6)
+    at_edge = np.sort(np.abs(shape.vertices), axis=1)[:, 1] > 0.999 * np.abs(shape.vertices).max()
+    ends = np.sort(np.stack([shape.face_vertices, np.roll(shape.face_vertices, -1, axis=1)], axis=2).reshape(-1, 2))
+    edges = np.unique(ends, axis=0)
+    mesh = control_mesh(shape, crease_edges=edges[at_edge[edges].all(axis=1)])
+    quads = initial_quads(lambda count: mesh, 10 * mesh.n_vertices)
+    sheets, _ = cut_along_creases(quads, 4)
+    counts = np.bincount(sheets.faces.ravel())
+    assert counts[sheets.kinds == VertexKind.BORDER].min() >= 2
+    assert is_whole(quads, 2)
+
+
+def test_a_wrapped_mesh_reaches_a_tip_that_was_cut_off():
+    scan = bumpy_ball(3000)
+    x = scan.vertices.copy()
+    near = np.linalg.norm(x - x[np.argmax(x[:, 2])], axis=1)
+    x *= (1.0 + 1.0 * np.exp(-((near / 0.25) ** 2)))[:, None]
+    tipped = TriangleMesh(x, scan.face_vertices, "ball with a tip")
+    round_net = initial_quads(lambda count: initial_mesh(scan, min(count, 300)), 300)
+    off = []
+    for mesh in (round_net, wrapped(round_net, tipped, 20)):
+        drawn = mesh.triangle_mesh()
+        off.append(closest_points(x, drawn.vertices, drawn.face_vertices).distances.max())
+    assert off[1] < 0.3 * off[0]
 
 
 @pytest.mark.parametrize("scheme", QUADS)
@@ -81,14 +172,14 @@ def test_feet_on_quadrilaterals_are_as_near_as_a_dense_search_finds(shape, schem
     assert (found - dense).min() > -2e-3
 
 
-@pytest.mark.parametrize("scheme", QUADS)
-def test_quadrilaterals_come_nearly_as_near_as_triangles(scheme):
+@pytest.mark.parametrize(("scheme", "times"), [(Scheme.CATMULL_CLARK, 1.3), (Scheme.DOO_SABIN, 2.0)])
+def test_quadrilaterals_come_nearly_as_near_as_triangles(scheme, times):
     scan = bumpy_ball(4000)
     loop, quads = (fit_surface(scan, FitOptions(scheme=s, control_points=150)) for s in (Scheme.LOOP, scheme))
     assert quads.mesh.n_vertices <= 150
-    assert quads.errors.rms < 2.0 * loop.errors.rms
+    assert quads.errors.rms < times * loop.errors.rms
     assert quads.folds == 0
-    drawn = tessellate(quads.mesh, scheme=scheme, halvings=3)
+    drawn = tessellate(quads.mesh, scheme=scheme, halvings=4)
     assert_allclose(
         closest_points(scan.vertices, drawn.vertices, drawn.face_vertices).distances.max() / quads.diagonal,
         quads.errors.maximum / 100.0,
