@@ -144,7 +144,7 @@ def compared(name: str, grid: HeightGrid, interval: float) -> None:
 
 def growth() -> None:
     print("\ncontour points   patches   seconds   s per 100,000   MiB at most so far")
-    for n in (100, 200, 400, 800, 1600, 2400):
+    for n in (100, 200, 400, 800, 1600, 3000):
         contours = contour_grid(fractal_mountain(n, 10.0, 3, 2.6), 0.1 * n * 10.0 / (0.6 * n / 10))
         begin = time.process_time()
         ground = terrain_surface(contours)
