@@ -183,8 +183,7 @@ def _to_be_cut(
         heights = [*contours.heights.tolist(), *added.heights.tolist()]
         contours = contours.with_lines([*contours.lines, *added.lines], heights)
     bench.doing("cutting at the base")
-    options = replace(options, tolerance=ground.tolerance, mend=False)
-    return terrain_surface(contours, options, floor=level, doing=bench.doing)
+    return terrain_surface(contours, replace(options, tolerance=ground.tolerance), floor=level, doing=bench.doing)
 
 
 def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, ShapeKind, float]:

@@ -106,3 +106,19 @@ def test_options_that_make_no_sense_are_named(hill, tmp_path, options):
     answer = run(hill[0], "--interval", 10, "-o", tmp_path / "a.step", *options)
     assert answer.exit_code == 2
     assert options[0] in answer.output
+
+
+def test_what_is_mended_stays_mended_where_the_base_cuts_the_ground(tmp_path):
+    a = np.linspace(0.0, 2.0 * np.pi, 41)[:-1]
+    rings = [np.column_stack([100 + r * np.cos(a), 90 + r * np.sin(a)]) for r in (80.0, 60.0, 40.0, 20.0)]
+    lines = [[[*p, 10.0 * k] for p in [*ring.tolist(), ring[0].tolist()]] for k, ring in enumerate(rings, 1)]
+    features = [{"properties": {}, "geometry": {"type": "LineString", "coordinates": line}} for line in lines]
+    wrong = {"properties": {}, "geometry": {"type": "Point", "coordinates": [170, 90, 99]}}
+    path = tmp_path / "rings.geojson"
+    crs = {"type": "name", "properties": {"name": "EPSG:32610"}}
+    content = {"type": "FeatureCollection", "crs": crs, "features": [*features, features[1], wrong]}
+    path.write_text(json.dumps(content))
+    out = tmp_path / "island.step"
+    assert "leave them out with --mend" in run(path, "--base-level", 25, "-o", out).output
+    answer = run(path, "--base-level", 25, "--mend", "-o", out, "--json")
+    assert json.loads(answer.stdout)["reasons"] == []

@@ -33,9 +33,7 @@ def terrain(
     outputs: Outputs = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(
-            help="Metres that contours may be smoothed by. Default: a fifth of their points' spacing.", min=1e-6
-        ),
+        typer.Option(help="Metres that contours may be smoothed by. Default: 0.28 of their points' spacing.", min=1e-6),
     ] = None,
     interval: Annotated[float | None, typer.Option(help="Contour a grid at multiples of so many metres.")] = None,
     attribute: Annotated[str | None, typer.Option(help="Property of the lines that holds their height.")] = None,
