@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from recon.geometric_fit.guards import neighbour_means
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.distance import TriangleTree
+from recon.numerics.distance import TriangleTree, barycentric
 from recon.numerics.halfedges import vertex_normals
 from recon.numerics.rows import added_at
 
@@ -48,19 +48,8 @@ def _pulled(x: Floats, triangles: NDArray[np.int64], data: Floats) -> Floats:
     found = TriangleTree(x, triangles).closest(data)
     corners = triangles[found.faces]
     harder = 1.0 + np.minimum(found.distances / max(float(np.median(found.distances)), 1e-300), FARTHEST)
-    shares = _barycentric(found.points, x[corners]) * harder[:, None]
+    shares = barycentric(found.points, x[corners]) * harder[:, None]
     errors = data - found.points
     total = np.bincount(corners.ravel(), shares.ravel(), len(x))[:, None]
     moves = added_at((shares[:, :, None] * errors[:, None]).reshape(-1, 3), corners.ravel(), len(x))
     return x + np.divide(moves, total, out=np.zeros_like(moves), where=total > 1e-9)
-
-
-def _barycentric(points: Floats, corners: Floats) -> Floats:
-    """(n, 3) coordinates of points (n, 3) that lie in triangles (n, 3, 3); of slivers, some that are not negative."""
-    a, b, c = corners.transpose(1, 0, 2)
-    one, two, to = b - a, c - a, points - a
-    oo, ot, tt = (np.einsum("ni,ni->n", p, q) for p, q in ((one, one), (one, two), (two, two)))
-    po, pt = np.einsum("ni,ni->n", to, one), np.einsum("ni,ni->n", to, two)
-    det = np.maximum(oo * tt - ot * ot, 1e-300)
-    v, w = (tt * po - ot * pt) / det, (oo * pt - ot * po) / det
-    return np.clip(np.stack([1.0 - v - w, v, w], axis=1), 0.0, 1.0)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.distance import TriangleTree
+from recon.numerics.distance import TriangleTree, barycentric
 from recon.numerics.overlap import FacePoints, face_points
 
 __all__ = [
@@ -299,22 +299,11 @@ def signed_distances(tree: TriangleTree, mesh: TriangleMesh, normals: Floats, pl
     """
     closest = tree.closest(places)
     corners = mesh.face_vertices[closest.faces]
-    weight = _barycentric(closest.points, mesh.vertices[corners])
+    weight = barycentric(closest.points, mesh.vertices[corners])
     normal = np.einsum("ij,ijk->ik", weight, normals[corners])
     height = np.einsum("ij,ij->i", places - closest.points, normal)
     behind = height < -UPRIGHT * closest.distances * np.linalg.norm(normal, axis=1)
     return np.where(behind, -closest.distances, closest.distances)
-
-
-def _barycentric(points: Floats, corners: Floats) -> Floats:
-    """(m, 3) shares of the corners (m, 3, 3) in points of their triangles."""
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    twice = np.maximum(np.einsum("ij,ij->i", across, across), 1e-300)
-    shares = [
-        np.einsum("ij,ij->i", np.cross(corners[:, a] - points, corners[:, b] - points), across) / twice
-        for a, b in ((1, 2), (2, 0), (0, 1))
-    ]
-    return np.clip(np.stack(shares, axis=1), 0.0, 1.0)
 
 
 def _joined(near: Sequence[tuple[TriangleMesh, Floats]]) -> tuple[TriangleMesh, Floats, Ints]:

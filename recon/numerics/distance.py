@@ -25,6 +25,7 @@ from scipy.spatial import cKDTree
 
 __all__ = [
     "Closest",
+    "barycentric",
     "TriangleTree",
     "closest_points",
     "Deviation",
@@ -270,3 +271,14 @@ def sample_surface(vertices: Floats, faces: Ints, n_samples: int) -> Floats:
     folded = r + s > 1.0
     r, s = np.where(folded, 1.0 - r, r)[:, None], np.where(folded, 1.0 - s, s)[:, None]
     return (1.0 - r - s) * a[face] + r * b[face] + s * c[face]
+
+
+def barycentric(points: Floats, corners: Floats) -> Floats:
+    """(m, 3) shares of the corners (m, 3, 3) in points (m, 3) of their triangles; zeros where one has no area."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    twice = np.maximum(np.einsum("ij,ij->i", across, across), 1e-300)
+    shares = [
+        np.einsum("ij,ij->i", np.cross(corners[:, a] - points, corners[:, b] - points), across) / twice
+        for a, b in ((1, 2), (2, 0), (0, 1))
+    ]
+    return np.clip(np.stack(shares, axis=1), 0.0, 1.0)
