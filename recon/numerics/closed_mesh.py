@@ -29,7 +29,8 @@ def opposite_halfedges(vertices: Floats, face_vertices: Ints, what: str = "mesh"
     start, end = face_vertices.ravel(), np.roll(face_vertices, -1, axis=1).ravel()
     key = np.minimum(start, end) * len(vertices) + np.maximum(start, end)
     order = np.argsort(key, kind="stable")
-    _, first, uses = np.unique(key[order], return_index=True, return_counts=True)
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    uses = np.diff(np.append(first, len(key)))
     if (uses != 2).any():
         edge = int(np.argmax(uses != 2))
         _refuse_edge(vertices[[start[order[first[edge]]], end[order[first[edge]]]]], int(uses[edge]), what)

@@ -22,16 +22,31 @@ Ints = NDArray[np.int64]
 
 def vertex_quadrics(vertices: Floats, faces: Ints, *, regulariser: float) -> Floats:
     """(V, 10) sum of the planes of each vertex's faces, weighted with their areas, plus `regulariser` times |y|²."""
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    double = np.cross(b - a, c - a)
-    size = np.linalg.norm(double, axis=1)
-    weighted = double / np.sqrt(2.0 * np.where(size > 0, size, 1.0))[:, None]
     rows = np.zeros((len(vertices), 10))
-    for column, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
-        product = np.repeat(weighted[:, i] * weighted[:, j], 3)
-        rows[:, column] = np.bincount(faces.ravel(), product, len(vertices))
-    rows[:, [0, 3, 5]] += regulariser
+    rows[:, [0, 3, 5]] = regulariser
+    _add_planes(rows, vertices, faces)
     return rows
+
+
+@njit(cache=True)
+def _add_planes(rows: Floats, vertices: Floats, faces: Ints) -> None:  # pragma: no cover - compiled
+    normal, e, f = np.empty(3), np.empty(3), np.empty(3)
+    for t in range(len(faces)):
+        for i in range(3):
+            e[i] = vertices[faces[t, 1], i] - vertices[faces[t, 0], i]
+            f[i] = vertices[faces[t, 2], i] - vertices[faces[t, 0], i]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            normal[i] = e[j] * f[k] - e[k] * f[j]
+        size = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+        if not size > 0.0:
+            continue
+        for corner in faces[t]:
+            column = 0
+            for i in range(3):
+                for j in range(i, 3):
+                    rows[corner, column] += normal[i] * normal[j] / (2.0 * size)
+                    column += 1
 
 
 @njit(cache=True)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from recon.numerics.rows import unit_vectors
 
-__all__ = ["box_pairs", "crossing_triangles"]
+__all__ = ["box_pairs", "box_tree", "crossing_triangles", "near_order"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -52,9 +52,9 @@ def crossing_triangles(vertices: Floats, face_vertices: Ints, *, margin: float |
     low, high = corners.min(axis=1), corners.max(axis=1)
     extent = float((high.max(axis=0) - low.min(axis=0)).max())
     normals = unit_vectors(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    order = _near_order(low, high)
+    order = near_order(low, high)
     cut = _cutting(
-        corners, normals, order, _box_tree(low[order], high[order]), 1e-9 * extent if margin is None else margin
+        corners, normals, order, box_tree(low[order], high[order]), 1e-9 * extent if margin is None else margin
     )
     pairs = cut[np.lexsort((cut[:, 1], cut[:, 0]))]
     first, second = pairs.T
@@ -64,12 +64,12 @@ def crossing_triangles(vertices: Floats, face_vertices: Ints, *, margin: float |
 
 def box_pairs(low: Floats, high: Floats) -> Ints:
     """(P, 2) every pair i < j of axis-parallel boxes that have a point in common; low, high (N, 3)."""
-    order = _near_order(low, high)
-    pairs = np.array(list(_meeting(_box_tree(low[order], high[order]), len(order))), dtype=np.int64).reshape(-1, 2)
+    order = near_order(low, high)
+    pairs = np.array(list(_meeting(box_tree(low[order], high[order]), len(order))), dtype=np.int64).reshape(-1, 2)
     return np.sort(order[pairs], axis=1)
 
 
-def _near_order(low: Floats, high: Floats) -> Ints:
+def near_order(low: Floats, high: Floats) -> Ints:
     """(N,) boxes along a curve that keeps near ones near: ten bits a coordinate of their middles, interleaved."""
     points = 0.5 * (low + high)
     least = points.min(axis=0)
@@ -82,7 +82,7 @@ def _near_order(low: Floats, high: Floats) -> Ints:
     return np.argsort(code, kind="stable")
 
 
-def _box_tree(low: Floats, high: Floats) -> Floats:
+def box_tree(low: Floats, high: Floats) -> Floats:
     """(2 n, 6) boxes of a complete binary tree: node k has the children 2 k and 2 k + 1, leaf i is node n + i.
 
     Rows are (low, -high); the boxes of leaves that are not there hold nothing.

@@ -5,8 +5,7 @@ Marching cubes gives the triangles cell by cell, and none leaves its cell.  So t
 
     point -> cell -> block of the cell -> first triangle of the cell, and how many
 
-`distance_within` stops at the first triangle that is near enough, since what is asked is never the distance but
-whether it stays below a bound.
+A point's own cell is asked first; what it holds tells how far the neighbours need to be asked.
 """
 
 from typing import NamedTuple
@@ -17,7 +16,15 @@ from numpy.typing import NDArray
 
 from recon.voxel_mesh.marching_cubes import GridSurface
 
-__all__ = ["CellLookup", "cell_lookup", "distance_within", "point_triangle_squared"]
+__all__ = [
+    "CellLookup",
+    "cell_lookup",
+    "nearest_in_cell",
+    "nearest_within",
+    "point_triangle_squared",
+    "surface_distances",
+    "triangle_squared",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -25,24 +32,20 @@ BLOCK = 8
 
 
 class CellLookup(NamedTuple):
-    """Triangles by cell.
+    """Triangles by cell: few arrays, since each costs time whenever compiled functions call one another.
 
-    vertices     (V, 3) in voxels
-    faces        (F, 3) vertex numbers, cell by cell
-    proportions  (3,) size of a cell
-    low          (3,) index of the first cell of the first block
-    block        (BX, BY, BZ) number of each block's table, -1 without
-    first        (B, 8, 8, 8) first triangle of each cell, -1 without
-    counts       (B, 8, 8, 8) triangles of each cell
+    size     (3,) of a cell, in voxels
+    low      (3,) index of the first cell of the first block
+    block    (BX, BY, BZ) number of each block's table, -1 without
+    span     (B, 8, 8, 8) of each cell the first triangle, times eight, plus their number: never more than five
+    corners  (F, 9) the triangles, cell by cell
     """
 
-    vertices: Floats
-    faces: NDArray[np.int32]
-    proportions: Floats
+    size: Floats
     low: Ints
     block: NDArray[np.int32]
-    first: NDArray[np.int32]
-    counts: NDArray[np.int8]
+    span: NDArray[np.int32]
+    corners: Floats
 
 
 def cell_lookup(surface: GridSurface, proportions: Floats) -> CellLookup:
@@ -59,73 +62,103 @@ def cell_lookup(surface: GridSurface, proportions: Floats) -> CellLookup:
     block = np.full(shape, -1, dtype=np.int32)
     used, number = np.unique(np.ravel_multi_index(tuple(place.T), tuple(shape)), return_inverse=True)
     block.ravel()[used] = np.arange(len(used))
-    first = np.full((len(used), BLOCK, BLOCK, BLOCK), -1, dtype=np.int32)
-    counts = np.zeros(first.shape, dtype=np.int8)
-    at = (number, *((cells - low) % BLOCK).T)
-    first[at], counts[at] = new, count
-    size = np.asarray(proportions, dtype=np.float64)
-    return CellLookup(surface.vertices, faces.astype(np.int32), size, low, block, first, counts)
+    span = np.zeros((len(used), BLOCK, BLOCK, BLOCK), dtype=np.int32)
+    span[(number, *((cells - low) % BLOCK).T)] = 8 * new + count
+    return CellLookup(np.array(proportions, dtype=np.float64), low, block, span, surface.vertices[faces].reshape(-1, 9))
 
 
 @njit(cache=True)
-def distance_within(
-    look: CellLookup, x: float, y: float, z: float, enough: float, limit: float
-) -> float:  # pragma: no cover - compiled
-    """Squared distance from a point to the surface, exact up to `limit`; any below the square of `enough` will do.
+def surface_distances(look: CellLookup, points: Floats) -> Floats:  # pragma: no cover - compiled
+    """(n,) distance of every point (n, 3), in voxels, from the surface."""
+    distances = np.empty(len(points))
+    for i in range(len(points)):
+        limit, square = 1.0, np.inf
+        while square > limit * limit:
+            limit *= 2.0
+            square = nearest_within(look, points[i, 0], points[i, 1], points[i, 2], limit)[0]
+        distances[i] = np.sqrt(square)
+    return distances
 
-    Beyond `limit` some value larger than its square is returned.
+
+@njit(cache=True)
+def nearest_within(
+    look: CellLookup, x: float, y: float, z: float, limit: float
+) -> tuple[float, int]:  # pragma: no cover - compiled
+    """Squared distance from a point to the surface, and the triangle where it is, exact up to `limit`.
+
+    Beyond `limit` some value larger than its square is returned, and any triangle.
     """
-    px, py, pz = look.proportions[0], look.proportions[1], look.proportions[2]
+    px, py, pz = look.size[0], look.size[1], look.size[2]
     ci, cj, ck = int(np.floor(x / px)), int(np.floor(y / py)), int(np.floor(z / pz))
-    ri, rj, rk = int(np.ceil(limit / px)), int(np.ceil(limit / py)), int(np.ceil(limit / pz))
-    best, near = 4.0 * limit * limit, enough * enough
-    # the point's own cell first: most often it settles the question
-    for i in range(ci - ri - 1, ci + ri + 1):
-        own = i < ci - ri
-        i = ci if own else i
+    best, at = _nearest_of_cell(look, ci, cj, ck, x, y, z, 4.0 * limit * limit, 0)
+    reach = min(np.sqrt(best), limit)
+    li, hi = int(np.floor((x - reach) / px)), int(np.floor((x + reach) / px))
+    lj, hj = int(np.floor((y - reach) / py)), int(np.floor((y + reach) / py))
+    lk, hk = int(np.floor((z - reach) / pz)), int(np.floor((z + reach) / pz))
+    for i in range(li, hi + 1):
         dx = max(max(i * px - x, x - (i + 1) * px), 0.0)
-        for j in range(cj if own else cj - rj, cj + 1 if own else cj + rj + 1):
+        for j in range(lj, hj + 1):
             dy = max(max(j * py - y, y - (j + 1) * py), 0.0)
             if dx * dx + dy * dy >= best:
                 continue
-            for k in range(ck if own else ck - rk, ck + 1 if own else ck + rk + 1):
+            for k in range(lk, hk + 1):
                 dz = max(max(k * pz - z, z - (k + 1) * pz), 0.0)
-                if dx * dx + dy * dy + dz * dz >= best:
-                    continue
-                first, count = _cell(look.low, look.block, look.first, look.counts, i, j, k)
-                for t in range(first, first + count):
-                    a, b, c = look.faces[t, 0], look.faces[t, 1], look.faces[t, 2]
-                    best = min(best, point_triangle_squared(x, y, z, look.vertices, a, b, c))
-                if best <= near:
-                    return best
-    return best
+                if dx * dx + dy * dy + dz * dz < best and not (i == ci and j == cj and k == ck):
+                    best, at = _nearest_of_cell(look, i, j, k, x, y, z, best, at)
+    return best, at
 
 
 @njit(cache=True, inline="always")
-def _cell(low, block, first, count, i, j, k):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """First triangle of a cell and their number."""
-    i, j, k = i - low[0], j - low[1], k - low[2]
+def nearest_in_cell(
+    look: CellLookup, x: float, y: float, z: float, beyond: float
+) -> tuple[float, int]:  # pragma: no cover - compiled
+    """As `nearest_within`, from the triangles of the own cell alone; `beyond` where none is nearer."""
+    i, j, k = np.floor(x / look.size[0]), np.floor(y / look.size[1]), np.floor(z / look.size[2])
+    return _nearest_of_cell(look, int(i), int(j), int(k), x, y, z, beyond, 0)
+
+
+@njit(cache=True, inline="always")
+def _nearest_of_cell(
+    look: CellLookup, i: int, j: int, k: int, x: float, y: float, z: float, best: float, at: int
+) -> tuple[float, int]:  # pragma: no cover - compiled
+    i, j, k = i - look.low[0], j - look.low[1], k - look.low[2]
     bi, bj, bk = i >> 3, j >> 3, k >> 3
-    if i < 0 or j < 0 or k < 0 or bi >= block.shape[0] or bj >= block.shape[1] or bk >= block.shape[2]:
-        return 0, 0
-    b = block[bi, bj, bk]
+    nx, ny, nz = look.block.shape
+    if bi < 0 or bj < 0 or bk < 0 or bi >= nx or bj >= ny or bk >= nz:
+        return best, at
+    b = look.block[bi, bj, bk]
     if b < 0:
-        return 0, 0
-    return first[b, i & 7, j & 7, k & 7], count[b, i & 7, j & 7, k & 7]
+        return best, at
+    span = look.span[b, i & 7, j & 7, k & 7]
+    for t in range(span >> 3, (span >> 3) + (span & 7)):
+        d = triangle_squared(look, t, x, y, z)
+        if d < best:
+            best, at = d, t
+    return best, at
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
+def triangle_squared(look: CellLookup, t: int, x: float, y: float, z: float) -> float:  # pragma: no cover - compiled
+    """Squared distance from a point to triangle t of the surface."""
+    c = look.corners
+    return corners_squared(x, y, z, c[t, 0], c[t, 1], c[t, 2], c[t, 3], c[t, 4], c[t, 5], c[t, 6], c[t, 7], c[t, 8])
+
+
+@njit(cache=True, inline="always")
 def point_triangle_squared(
     x: float, y: float, z: float, place: Floats, a: int, b: int, c: int
 ) -> float:  # pragma: no cover - compiled
-    """Squared distance from a point to the triangle of three rows of `place`.
+    """Squared distance from a point to the triangle of three rows of `place`."""
+    p = place
+    return corners_squared(x, y, z, p[a, 0], p[a, 1], p[a, 2], p[b, 0], p[b, 1], p[b, 2], p[c, 0], p[c, 1], p[c, 2])
 
-    Its regions are told apart by the signs of barycentric terms.
+
+@njit(cache=True)
+def corners_squared(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Squared distance from a point to a triangle, whose regions are told apart by the signs of barycentric terms.
+
     Paper  [ericson2005], 5.1.5.
     """
-    ax, ay, az = place[a, 0], place[a, 1], place[a, 2]
-    bx, by, bz = place[b, 0], place[b, 1], place[b, 2]
-    cx, cy, cz = place[c, 0], place[c, 1], place[c, 2]
     abx, aby, abz = bx - ax, by - ay, bz - az
     acx, acy, acz = cx - ax, cy - ay, cz - az
     apx, apy, apz = x - ax, y - ay, z - az

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from recon.numerics.quadrics import lowest_point, moved_sum, quadric_value
 from recon.voxel_mesh.cell_lookup import CellLookup
-from recon.voxel_mesh.edge_heap import EdgeHeap, heap_drop, heap_put
+from recon.voxel_mesh.edge_heap import EdgeHeap, heap_append, heap_arrange, heap_drop, heap_put
 from recon.voxel_mesh.error_bound import Bound, hand_over, keeps_bound
 
 __all__ = ["CollapseMesh", "collapse_mesh", "collapse_edges"]
@@ -83,8 +83,8 @@ def collapse_edges(
     for e in range(len(m.half)):
         cost = _edge_cost(m, e, y, q, work)
         if cost < np.inf:
-            heap.cost[e] = cost
-            heap_put(heap, e, cost)
+            heap_append(heap, e, cost)
+    heap_arrange(heap)
     while heap.size[0] > 0 and n_faces > target:
         e = heap.heap[0]
         heap_drop(heap, e)
@@ -99,16 +99,12 @@ def collapse_edges(
         _edge_cost(m, e, y, q, work)
         for i in range(3):
             p[i] = m.place[u, i] + y[i]
-        if not _keeps_shape(m, ring, n_ring, p):
-            for i in range(3):
-                p[i] = 0.5 * (m.place[u, i] + m.place[v, i])
-            if m.feature[u] or m.feature[v] or not _keeps_shape(m, ring, n_ring, p):
-                continue
-        for i in range(3):
-            y[i], m.place[u, i] = m.place[u, i], p[i]
-        kept = keeps_bound(bound, look, m.corner, m.place, ring, n_ring, h // 3, m.twin[h] // 3, u)
-        for i in range(3):
-            m.place[u, i] = y[i]
+        kept = _may_go(m, bound, look, h, ring, n_ring, p)
+        if not kept and bound.limit[0] > 0.0 and not m.feature[u] and not m.feature[v]:
+            for end in (u, v):
+                if not kept:
+                    p[:] = m.place[end]
+                    kept = _may_go(m, bound, look, h, ring, n_ring, p)
         if not kept:
             continue
         hand_over(bound, ring, n_ring, h // 3, m.twin[h] // 3)
@@ -116,6 +112,21 @@ def collapse_edges(
         n_faces -= 2
         _update_costs(m, heap, u, y, q, work)
     return n_faces
+
+
+@njit(cache=True)
+def _may_go(
+    m: CollapseMesh, bound: Bound, look: CellLookup, h: int, ring: NDArray[np.int32], n_ring: int, p: Floats
+) -> bool:  # pragma: no cover - compiled
+    """Whether the ends of an edge may become one at p."""
+    if not _keeps_shape(m, ring, n_ring, p):
+        return False
+    u, v = m.corner[h], m.corner[m.twin[h]]
+    before = m.place[u].copy()
+    m.place[u] = p
+    kept = keeps_bound(bound, look, m.corner, m.place, ring, n_ring, h // 3, m.twin[h] // 3, u, v, before)
+    m.place[u] = before
+    return bool(kept)
 
 
 @njit(cache=True)

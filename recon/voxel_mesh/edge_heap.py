@@ -1,8 +1,8 @@
 """A heap of edges by cost in which an edge's cost may change and an edge may leave: each edge knows its place.
 
-     0            heap[slot]   edge number           the children of slot s are 4 s + 1 ... 4 s + 4
-1  2  3  4        slot[edge]   its place, -1 outside
-...               cost[edge]
+     0            heap[place]  edge number           the children of place s are 4 s + 1 ... 4 s + 4
+1  2  3  4        cost[place]  what it costs: in the order of the heap, so that four children are read at once
+...               slot[edge]   its place, -1 outside
 """
 
 from typing import NamedTuple
@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["EdgeHeap", "edge_heap", "heap_put", "heap_drop"]
+__all__ = ["EdgeHeap", "edge_heap", "heap_append", "heap_arrange", "heap_put", "heap_drop"]
 
 Floats = NDArray[np.float64]
 
@@ -36,20 +36,34 @@ def edge_heap(n_edges: int) -> EdgeHeap:
 
 
 @njit(cache=True)
+def heap_append(h: EdgeHeap, edge: int, cost: float) -> None:  # pragma: no cover - compiled
+    """Put an edge at the end, where it may not belong until all is arranged."""
+    at = h.size[0]
+    h.heap[at], h.cost[at], h.slot[edge] = edge, cost, at
+    h.size[0] += 1
+
+
+@njit(cache=True)
+def heap_arrange(h: EdgeHeap) -> None:  # pragma: no cover - compiled
+    """Put appended edges in order, the last with children first."""
+    for at in range((h.size[0] - 2) // 4, -1, -1):
+        _sink(h, at)
+
+
+@njit(cache=True)
 def heap_put(h: EdgeHeap, edge: int, cost: float) -> None:  # pragma: no cover - compiled
     """Put an edge in, or give it another cost."""
-    if h.slot[edge] < 0:
-        h.slot[edge] = h.size[0]
-        h.heap[h.size[0]] = edge
+    at = h.slot[edge]
+    if at < 0:
+        at = h.size[0]
         h.size[0] += 1
-        h.cost[edge] = cost
-        _rise(h, h.slot[edge])
-    elif cost < h.cost[edge]:
-        h.cost[edge] = cost
-        _rise(h, h.slot[edge])
+        h.heap[at], h.cost[at] = edge, np.inf
+    sinks = cost > h.cost[at]
+    h.cost[at] = cost
+    if sinks:
+        _sink(h, at)
     else:
-        h.cost[edge] = cost
-        _sink(h, h.slot[edge])
+        _rise(h, at)
 
 
 @njit(cache=True)
@@ -60,35 +74,33 @@ def heap_drop(h: EdgeHeap, edge: int) -> None:  # pragma: no cover - compiled
         return
     h.slot[edge] = -1
     h.size[0] -= 1
-    last = h.heap[h.size[0]]
-    if last == edge:
+    end = h.size[0]
+    if at == end:
         return
-    h.heap[at] = last
-    h.slot[last] = at
-    _rise(h, at)
-    _sink(h, h.slot[last])
+    sinks = h.cost[end] > h.cost[at]
+    h.heap[at], h.cost[at] = h.heap[end], h.cost[end]
+    if sinks:
+        _sink(h, at)
+    else:
+        _rise(h, at)
 
 
 @njit(cache=True)
 def _rise(h: EdgeHeap, at: int) -> None:  # pragma: no cover - compiled
-    edge = h.heap[at]
-    cost = h.cost[edge]
+    edge, cost = h.heap[at], h.cost[at]
     while at > 0:
         above = (at - 1) >> 2
-        other = h.heap[above]
-        if h.cost[other] <= cost:
+        if h.cost[above] <= cost:
             break
-        h.heap[at] = other
-        h.slot[other] = at
+        h.heap[at], h.cost[at] = h.heap[above], h.cost[above]
+        h.slot[h.heap[at]] = at
         at = above
-    h.heap[at] = edge
-    h.slot[edge] = at
+    h.heap[at], h.cost[at], h.slot[edge] = edge, cost, at
 
 
 @njit(cache=True)
 def _sink(h: EdgeHeap, at: int) -> None:  # pragma: no cover - compiled
-    edge = h.heap[at]
-    cost = h.cost[edge]
+    edge, cost = h.heap[at], h.cost[at]
     n = h.size[0]
     while True:
         first = 4 * at + 1
@@ -96,13 +108,11 @@ def _sink(h: EdgeHeap, at: int) -> None:  # pragma: no cover - compiled
             break
         least = first
         for child in range(first + 1, min(first + 4, n)):
-            if h.cost[h.heap[child]] < h.cost[h.heap[least]]:
+            if h.cost[child] < h.cost[least]:
                 least = child
-        other = h.heap[least]
-        if h.cost[other] >= cost:
+        if h.cost[least] >= cost:
             break
-        h.heap[at] = other
-        h.slot[other] = at
+        h.heap[at], h.cost[at] = h.heap[least], h.cost[least]
+        h.slot[h.heap[at]] = at
         at = least
-    h.heap[at] = edge
-    h.slot[edge] = at
+    h.heap[at], h.cost[at], h.slot[edge] = edge, cost, at

@@ -2,9 +2,9 @@
 
     there   samples of the grid's surface hang, in a list a face, on the face they were nearest to; when faces change,
             their samples go to the nearest of the faces that come in their place, and none may be farther than allowed
-    back    a new face is tested point by point against the grid's surface.  The distance grows no faster than one goes:
-            when a triangle's middle is d away and its corners r from the middle, no point of it is farther than d + r;
-            where that does not settle it, it is cut in four, down to a size that only a spike of the distance survives
+    back    a new face is tested piece by piece against the grid's surface.  A triangle of that surface is convex, so
+            a piece whose three corners are near enough to the same one is near enough all over; where the triangle
+            nearest to the middle does not settle it, the piece is halved across its longest side
 
 One way alone leaks: a face may span a notch that no sample of it sees, or a spike may rise from a face with no sample.
 """
@@ -15,15 +15,24 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.voxel_mesh.cell_lookup import CellLookup, distance_within, point_triangle_squared
+from recon.voxel_mesh.cell_lookup import (
+    CellLookup,
+    nearest_in_cell,
+    nearest_within,
+    point_triangle_squared,
+    triangle_squared,
+)
 
-__all__ = ["Bound", "face_bound", "no_bound", "keeps_bound", "hand_over", "face_distance"]
+__all__ = ["Bound", "face_bound", "no_bound", "keeps_bound", "hand_over", "face_within"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SMALLEST = 0.12  # voxels: a triangle smaller than this about its middle is judged by its middle
-NEAR = 1e-4  # squared voxels: as good as on the face
+ONE_FACE = 6.0  # squared voxels: a side longer than this is near no single triangle of the grid
+SMALLEST = 0.06  # of the squared limit: a piece with shorter sides that is not settled lies at the limit itself
+TESTED = 0.98  # of the limit, for what is tested piece by piece: many flat collapses may follow
+SAMPLED = 0.94  # of the limit, for samples: between them the distance may be larger
+NEAR = 0.25  # of the squared limit: near enough for a sample to stay
 
 
 class Bound(NamedTuple):
@@ -31,7 +40,7 @@ class Bound(NamedTuple):
 
     sample    (S, 3) places                       first  (F,) first sample of each face, -1 without
     following (S,) next sample of the same face   goes   (S,) scratch: the ring face each sample would go to
-    distance  (S,) to the face it hangs on        came   (S,) scratch: how far that is
+    reach     (F,) how far at most any point of a face is from the grid's surface
     limit     (1,) largest distance allowed; not positive when nothing is bounded
     stack     (40, 9) scratch: triangles still to be judged
     """
@@ -39,9 +48,8 @@ class Bound(NamedTuple):
     sample: Floats
     first: NDArray[np.int32]
     following: NDArray[np.int32]
-    distance: NDArray[np.float32]
     goes: NDArray[np.int32]
-    came: NDArray[np.float32]
+    reach: NDArray[np.float32]
     limit: Floats
     stack: Floats
 
@@ -49,31 +57,40 @@ class Bound(NamedTuple):
 def face_bound(vertices: Floats, faces: Ints, limit: float) -> Bound:
     """Samples at the vertices, each on one of its faces, and in the middle of every face."""
     n, m = len(vertices), len(faces)
-    sample = np.concatenate([vertices, vertices[faces].mean(axis=1)])
-    home = np.zeros(n, dtype=np.int64)
+    home = np.empty(n, dtype=np.int64)
     home[faces.ravel()] = np.repeat(np.arange(m), 3)
-    first = np.arange(n, n + m, dtype=np.int32)
-    following = np.full(n + m, -1, dtype=np.int32)
     order = np.argsort(home, kind="stable")
-    last = np.flatnonzero(np.diff(home[order], append=-1))
-    following[order] = np.append(order[1:], -1)
-    following[order[last]] = -1
-    begins = order[np.flatnonzero(np.diff(home[order], prepend=-1))]
+    ends = np.diff(home[order], append=-1) != 0
+    begins = order[np.diff(home[order], prepend=-1) != 0]
+    following = np.full(n + m, -1, dtype=np.int32)
+    following[order[:-1]] = np.where(ends[:-1], -1, order[1:])
     following[n + home[begins]] = begins
-    return Bound(sample, first, following, *_scratch(n + m), np.array([limit]), np.empty((40, 9)))
+    return Bound(
+        np.concatenate([vertices, vertices[faces].mean(axis=1)]),
+        np.arange(n, n + m, dtype=np.int32),
+        following,
+        np.zeros(n + m, dtype=np.int32),
+        np.zeros(m, dtype=np.float32),
+        np.array([limit]),
+        np.empty((40, 9)),
+    )
 
 
 def no_bound() -> Bound:
     """Nothing is bounded."""
     none = np.zeros(0, dtype=np.int32)
-    return Bound(np.zeros((0, 3)), none, none.copy(), *_scratch(0), np.array([-1.0]), np.empty((40, 9)))
+    return Bound(
+        np.zeros((0, 3)),
+        none,
+        none.copy(),
+        none.copy(),
+        np.zeros(0, dtype=np.float32),
+        np.array([-1.0]),
+        np.empty((40, 9)),
+    )
 
 
-def _scratch(n: int) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:
-    return np.zeros(n, dtype=np.float32), np.zeros(n, dtype=np.int32), np.zeros(n, dtype=np.float32)
-
-
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _next(h: int) -> int:  # pragma: no cover - compiled
     return h - 2 if h % 3 == 2 else h + 1
 
@@ -89,12 +106,22 @@ def keeps_bound(
     gone: int,
     lost: int,
     u: int,
+    v: int,
+    before: Floats,
 ) -> bool:  # pragma: no cover - compiled
-    """Whether the ring, its inner vertex u in its new place, keeps both bounds; notes where each sample would go."""
+    """Whether the ring keeps both bounds; notes where each sample would go.
+
+    u, v  the vertices that become one; u is in its new place already, `before` is where it was
+    """
     limit = bound.limit[0]
     if not limit > 0.0:
         return True
-    if distance_within(look, place[u, 0], place[u, 1], place[u, 2], limit, limit) > limit * limit:
+    reach = max(bound.reach[gone], bound.reach[lost])
+    for r in range(n_ring):
+        reach = max(reach, bound.reach[ring[r] // 3])
+    reach += _thickness(corner, place, ring, n_ring, u, v, before)
+    follows = reach <= limit
+    if not follows and nearest_within(look, place[u, 0], place[u, 1], place[u, 2], limit)[0] > limit * limit:
         return False
     for r in range(n_ring + 2):
         f = ring[r] // 3 if r < n_ring else gone if r == n_ring else lost
@@ -109,18 +136,63 @@ def keeps_bound(
                 d = point_triangle_squared(x, y, z, place, u, corner[_next(h)], corner[_next(_next(h))])
                 if d < best:
                     best, at = d, k
-                    if d <= NEAR:
+                    if d <= NEAR * limit * limit:
                         break
-            if best > limit * limit:
+            if best > SAMPLED * SAMPLED * limit * limit:
                 return False
-            bound.goes[s], bound.came[s] = at, np.sqrt(best)
+            bound.goes[s] = at
             s = bound.following[s]
+    tested = TESTED * limit
+    bound.reach[gone] = bound.reach[lost] = reach if follows else tested
     for r in range(n_ring):
         h = ring[r]
         b, c = corner[_next(h)], corner[_next(_next(h))]
-        if face_distance(look, place, u, b, c, bound.stack, limit, limit) > limit:
+        if not follows and not face_within(look, place, u, b, c, bound.stack, tested):
             return False
     return True
+
+
+@njit(cache=True)
+def _thickness(
+    corner: NDArray[np.int32], place: Floats, ring: NDArray[np.int32], n_ring: int, u: int, v: int, before: Floats
+) -> float:  # pragma: no cover - compiled
+    """Thickness of the layer in which the patch lies before and after; infinite where that bounds nothing.
+
+    Both patches have the same border.  When all new faces look to one side of a plane, the new patch has one point
+    over every point within the border's shadow, the old patch at least one, and the two are in the same layer.
+    """
+    nx, ny, nz = 0.0, 0.0, 0.0
+    for r in range(n_ring):
+        ax, ay, az = _area(corner, place, ring[r], u)
+        nx, ny, nz = nx + ax, ny + ay, nz + az
+    size = np.sqrt(nx * nx + ny * ny + nz * nz)
+    if not size > 0.0:
+        return np.inf
+    nx, ny, nz = nx / size, ny / size, nz / size
+    low = nx * before[0] + ny * before[1] + nz * before[2]
+    high = low
+    for w in (u, v):
+        t = nx * place[w, 0] + ny * place[w, 1] + nz * place[w, 2]
+        low, high = min(low, t), max(high, t)
+    for r in range(n_ring):
+        ax, ay, az = _area(corner, place, ring[r], u)
+        if not nx * ax + ny * ay + nz * az > 0.0:
+            return np.inf
+        w = corner[_next(ring[r])]
+        t = nx * place[w, 0] + ny * place[w, 1] + nz * place[w, 2]
+        low, high = min(low, t), max(high, t)
+    return high - low
+
+
+@njit(cache=True, inline="always")
+def _area(
+    corner: NDArray[np.int32], place: Floats, h: int, u: int
+) -> tuple[float, float, float]:  # pragma: no cover - compiled
+    """Twice the area vector of the face that a halfedge leads into, u in place of its start."""
+    b, c = corner[_next(h)], corner[_next(_next(h))]
+    bx, by, bz = place[b, 0] - place[u, 0], place[b, 1] - place[u, 1], place[b, 2] - place[u, 2]
+    cx, cy, cz = place[c, 0] - place[u, 0], place[c, 1] - place[u, 1], place[c, 2] - place[u, 2]
+    return by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
 
 
 @njit(cache=True)
@@ -130,6 +202,8 @@ def hand_over(
     """Hang the ring's samples where `keeps_bound` found them to go."""
     if not bound.limit[0] > 0.0:
         return
+    for r in range(n_ring):
+        bound.reach[ring[r] // 3] = bound.reach[gone]
     chain = -1
     for r in range(n_ring + 2):
         f = ring[r] // 3 if r < n_ring else gone if r == n_ring else lost
@@ -145,44 +219,56 @@ def hand_over(
         f = ring[bound.goes[chain]] // 3
         bound.following[chain] = bound.first[f]
         bound.first[f] = chain
-        bound.distance[chain] = bound.came[chain]
         chain = following
 
 
 @njit(cache=True)
-def face_distance(
-    look: CellLookup, place: Floats, a: int, b: int, c: int, stack: Floats, floor: float, limit: float
-) -> float:  # pragma: no cover - compiled
-    """Largest distance found from a triangle to the grid's surface, where it is above `floor`; stops beyond `limit`."""
+def face_within(
+    look: CellLookup, place: Floats, a: int, b: int, c: int, stack: Floats, limit: float
+) -> bool:  # pragma: no cover - compiled
+    """Whether no point of a triangle is farther than the limit from the grid's surface; False where that stays open."""
     for i in range(3):
         stack[0, i], stack[0, 3 + i], stack[0, 6 + i] = place[a, i], place[b, i], place[c, i]
-    depth, worst = 1, floor
+    square = limit * limit
+    depth = 1
     while depth > 0:
         depth -= 1
         ax, ay, az = stack[depth, 0], stack[depth, 1], stack[depth, 2]
         bx, by, bz = stack[depth, 3], stack[depth, 4], stack[depth, 5]
         cx, cy, cz = stack[depth, 6], stack[depth, 7], stack[depth, 8]
         x, y, z = (ax + bx + cx) / 3.0, (ay + by + cy) / 3.0, (az + bz + cz) / 3.0
-        r = max((ax - x) ** 2 + (ay - y) ** 2 + (az - z) ** 2, (bx - x) ** 2 + (by - y) ** 2 + (bz - z) ** 2)
-        r = np.sqrt(max(r, (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2))
-        small = r <= SMALLEST or depth > 36
-        d = 0.0
-        if small or r < worst:
-            d = np.sqrt(distance_within(look, x, y, z, worst if small else worst - r, limit))
-            if d > limit:
-                return d
-        if small:
-            worst = max(worst, d)
-        elif d + r > worst:
-            kx, ky, kz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
-            lx, ly, lz = 0.5 * (bx + cx), 0.5 * (by + cy), 0.5 * (bz + cz)
-            mx, my, mz = 0.5 * (cx + ax), 0.5 * (cy + ay), 0.5 * (cz + az)
-            _put(stack, depth, ax, ay, az, kx, ky, kz, mx, my, mz)
-            _put(stack, depth + 1, bx, by, bz, lx, ly, lz, kx, ky, kz)
-            _put(stack, depth + 2, cx, cy, cz, mx, my, mz, lx, ly, lz)
-            _put(stack, depth + 3, kx, ky, kz, lx, ly, lz, mx, my, mz)
-            depth += 4
-    return worst
+        d, t = nearest_in_cell(look, x, y, z, 2.0 * square)
+        if d > square:
+            d, t = nearest_within(look, x, y, z, limit)
+            if d > square:
+                return False
+        ab = (ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2
+        bc = (bx - cx) ** 2 + (by - cy) ** 2 + (bz - cz) ** 2
+        ca = (cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2
+        longest = max(ab, max(bc, ca))
+        if longest < ONE_FACE and _all_within(look, t, square, ax, ay, az, bx, by, bz, cx, cy, cz):
+            continue
+        if longest < SMALLEST * square or depth > 36:
+            return False
+        if bc >= ab and bc >= ca:
+            ax, ay, az, bx, by, bz, cx, cy, cz = bx, by, bz, cx, cy, cz, ax, ay, az
+        elif ca >= ab:
+            ax, ay, az, bx, by, bz, cx, cy, cz = cx, cy, cz, ax, ay, az, bx, by, bz
+        mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
+        _put(stack, depth, ax, ay, az, mx, my, mz, cx, cy, cz)
+        _put(stack, depth + 1, mx, my, mz, bx, by, bz, cx, cy, cz)
+        depth += 2
+    return True
+
+
+@njit(cache=True, inline="always")
+def _all_within(look, t, square, ax, ay, az, bx, by, bz, cx, cy, cz):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Whether three points are near enough to one triangle: then all between them are, for it is convex."""
+    return (
+        triangle_squared(look, t, ax, ay, az) <= square
+        and triangle_squared(look, t, bx, by, bz) <= square
+        and triangle_squared(look, t, cx, cy, cz) <= square
+    )
 
 
 @njit(cache=True, inline="always")

@@ -13,14 +13,15 @@ from scipy.spatial import cKDTree
 
 from recon.errors import Refusal
 from recon.numerics.closed_mesh import opposite_halfedges
-from recon.numerics.distance import closest_points, sample_surface
+from recon.numerics.distance import sample_surface
 from recon.numerics.quadrics import vertex_quadrics
 from recon.numerics.self_intersection import crossing_triangles
-from recon.voxel_mesh.cell_lookup import cell_lookup
+from recon.voxel_mesh.cell_lookup import CellLookup, cell_lookup, surface_distances
 from recon.voxel_mesh.edge_collapse import collapse_edges, collapse_mesh
 from recon.voxel_mesh.edge_heap import edge_heap
 from recon.voxel_mesh.error_bound import face_bound, no_bound
 from recon.voxel_mesh.marching_cubes import GridSurface
+from recon.voxel_mesh.near_faces import distances_from
 
 __all__ = ["Goal", "Simplified", "simplified"]
 
@@ -30,7 +31,7 @@ Bools = NDArray[np.bool_]
 
 REGULARISER = 1e-9  # larger ones mix up the order of collapses that cost nothing, and with it every edge of the part
 MARGIN = 0.02  # voxels kept back while collapsing, for what lies between samples
-PROBES = 40_000  # points a way for the verification
+PROBES = 60_000  # points a way for the verification, on the grid's surface twice as many
 ROUNDS = 6
 REACH = 2.0  # voxels around a bad place that are locked, doubled each round
 
@@ -93,7 +94,7 @@ def simplified(
         collapse_edges(mesh, edge_heap(len(mesh.half)), bound, look, len(faces), goal.n_faces)
         doing("verifying the error")
         places, rows = _living(mesh.place, mesh.corner)
-        errors, bad = _verified((places, rows), (vertices, faces), goal.tolerance)
+        errors, bad = _verified((places, rows), surface, look, goal.tolerance)
         if not len(bad):
             kept = int((feature & mesh.feature & (mesh.out >= 0)).sum())
             return Simplified(places, rows, errors, kept, number + 1)
@@ -114,12 +115,14 @@ def _living(place: Floats, corner: NDArray[np.int32]) -> tuple[Floats, Ints]:
     return place[used], numbers.reshape(-1, 3).astype(np.int64)
 
 
-def _verified(one: tuple[Floats, Ints], other: tuple[Floats, Ints], tolerance: float | None) -> tuple[Floats, Floats]:
+def _verified(
+    one: tuple[Floats, Ints], surface: GridSurface, look: CellLookup, tolerance: float | None
+) -> tuple[Floats, Floats]:
     """Distances of points spread over both surfaces, and the places where a promise is broken."""
     _, cuts = crossing_triangles(*one)
-    there, back = sample_surface(*other, PROBES), sample_surface(*one, PROBES)
-    back = np.concatenate([back, one[0]])
-    errors = np.concatenate([closest_points(there, *one).distances, closest_points(back, *other).distances])
+    there = sample_surface(surface.vertices, surface.face_vertices, 2 * PROBES)
+    back = np.concatenate([sample_surface(*one, PROBES), one[0]])
+    errors = np.concatenate([distances_from(there, *one), surface_distances(look, back)])
     if tolerance is None:
         return errors, cuts
     beyond = np.concatenate([there, back])[errors > tolerance]
