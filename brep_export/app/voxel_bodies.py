@@ -12,10 +12,12 @@ from brep_export.app.workshop import Bench
 from brep_export.check import ShapeKind, check
 from brep_export.solids import polyhedron_solid
 from brep_export.triangulation import triangulate
+from brep_export.turned import turned_solid
 from recon.errors import NoSolid, NotManifold
 from recon.geometry.analytic import Cylinder, Plane, Sphere
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.polyhedron import PlanarFace, Polyhedron, merge_coplanar, mesh_bodies
+from recon.geometry.turned import ProfileLine, TurnedPart
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.numerics.distance import closest_points, sample_surface
 from recon.tolerance import Tolerance
@@ -24,6 +26,7 @@ from recon.voxel_mesh.marching_cubes import marching_cubes
 from recon.voxel_mesh.pipeline import VoxelOptions, voxel_boundary
 from recon.voxel_mesh.revoxelise import WrongSide, wrong_side
 from recon.voxel_mesh.topology import grid_topology
+from recon.voxel_mesh.turned import turned_part
 
 __all__ = ["DEFLECTION", "FIT", "FLAT", "VoxelBody", "analytic_body", "faceted_body"]
 
@@ -32,6 +35,7 @@ Floats = NDArray[np.float64]
 FLAT = 1e-3  # voxels: triangles this near to one plane become one face
 FIT = 0.05  # voxels: how far edges may lie from their faces
 DEFLECTION = 0.01  # voxels: of the triangles that are compared with the grid
+TURNED_DEFLECTION = 0.03  # voxels: the same for turned splines, which take ten times as many triangles
 DEEPEST = 0.5  # voxels: a centre farther on the wrong side than this is a feature that was missed
 SAME = 0.03  # voxels: a grid made from triangles has its own centres on the wrong side of round faces by this much
 FEW = (
@@ -78,6 +82,9 @@ def _polyhedron(mesh: TriangleMesh, tolerance: float, bench: Bench) -> Polyhedro
 def analytic_body(grid: VoxelGrid, options: VoxelOptions, *, snap: float | None, bench: Bench) -> VoxelBody:
     """True faces where the part has them; the faceted body, with a note, where they make no solid like the grid."""
     try:
+        turned = _turned_shape(grid, bench)
+        if turned is not None and turned.is_curved:
+            return _turned_body(grid, turned, snap, bench)
         with bench.phase("reconstruct", "recognising surfaces"):
             part = analytic_part(grid, doing=bench.doing)
         with bench.phase("brep", "building the solid"):
@@ -91,6 +98,51 @@ def analytic_body(grid: VoxelGrid, options: VoxelOptions, *, snap: float | None,
         return VoxelBody(body.shape, body.errors, figures, body.polyhedron)
 
 
+@dataclass(frozen=True, eq=False)
+class _Turned:
+    """A part turned about an axis, held against its grid."""
+
+    part: TurnedPart
+    shape: TopoDS_Shape
+    mesh: TriangleMesh
+    wrong: WrongSide
+
+    @property
+    def is_curved(self) -> bool:
+        """Whether its profile has more than straight lines: those the recognition of single surfaces finds as well."""
+        return any(not isinstance(piece, ProfileLine) for loop in self.part.loops for piece in loop)
+
+
+def _turned_shape(grid: VoxelGrid, bench: Bench) -> _Turned | None:
+    """The part as a solid of revolution; None where it is none."""
+    try:
+        with bench.phase("reconstruct", "looking for an axis"):
+            part = turned_part(grid, doing=bench.doing)
+        with bench.phase("brep", "turning the profile"):
+            shape = turned_solid(part)
+            _proved(shape, grid.voxel)
+            mesh = triangulate(shape, TURNED_DEFLECTION * grid.voxel).mesh
+            wrong = wrong_side(grid, mesh)
+    except NoSolid:
+        return None
+    return _Turned(part, shape, mesh, wrong) if wrong.deepest <= DEEPEST else None
+
+
+def _turned_body(grid: VoxelGrid, turned: _Turned, snap: float | None, bench: Bench) -> VoxelBody:
+    if snap is not None:
+        bench.note("not snapped: a turned part keeps the sizes of its fitted profile", name="not-snapped")
+    rows: list[dict[str, Any]] = [
+        {"kind": "axis", "point": turned.part.origin.tolist(), "direction": turned.part.axis.tolist()}
+    ]
+    return _true_faces(grid, turned.shape, turned.mesh, turned.wrong, rows, bench)
+
+
+def _proved(shape: TopoDS_Shape, voxel: float) -> None:
+    report = check(shape, Tolerance(merge=1e-3 * voxel, fit=FIT * voxel), expect=ShapeKind.SOLID)
+    if not report.passed:
+        raise NoSolid(f"the surfaces that were recognised make no sound solid ({report.defects[0]})")
+
+
 Built = tuple[AnalyticPart, TopoDS_Shape, TriangleMesh, WrongSide, int]
 
 
@@ -101,9 +153,7 @@ def _built(part: AnalyticPart) -> Built:
     """
     voxel = part.grid.voxel
     shape, refused = analytic_solid(part.surfaces, part.blends, box=part.box, voxel=voxel, is_solid=part.vote())
-    report = check(shape, Tolerance(merge=1e-3 * voxel, fit=FIT * voxel), expect=ShapeKind.SOLID)
-    if not report.passed:
-        raise NoSolid(f"the surfaces that were recognised make no sound solid ({report.defects[0]})")
+    _proved(shape, voxel)
     mesh = triangulate(shape, DEFLECTION * voxel).mesh
     wrong = wrong_side(part.grid, mesh)
     if wrong.deepest > DEEPEST:
@@ -134,6 +184,14 @@ def _snapped(part: AnalyticPart, snap: float | None, bench: Bench) -> Built | No
 
 def _analytic(grid: VoxelGrid, built: Built, bench: Bench) -> VoxelBody:
     part, shape, mesh, wrong, refused = built
+    if refused:
+        bench.note(f"{refused} rounded edges were left sharp: the kernel could not round them", name="left-sharp")
+    return _true_faces(grid, shape, mesh, wrong, _listed(part), bench)
+
+
+def _true_faces(
+    grid: VoxelGrid, shape: TopoDS_Shape, mesh: TriangleMesh, wrong: WrongSide, rows: list[dict[str, Any]], bench: Bench
+) -> VoxelBody:
     surface = marching_cubes(grid)
     own = grid.placed(surface.vertices, surface.face_vertices)
     there, back = (sample_surface(m.vertices, m.face_vertices, PROBES) for m in (own, mesh))
@@ -143,8 +201,6 @@ def _analytic(grid: VoxelGrid, built: Built, bench: Bench) -> VoxelBody:
             closest_points(back, own.vertices, own.face_vertices).distances,
         ]
     )
-    if refused:
-        bench.note(f"{refused} rounded edges were left sharp: the kernel could not round them", name="left-sharp")
     if wrong.centres:
         wide = f"{wrong.centres} voxel centres lie on the wrong side, the deepest {wrong.deepest:.2f} voxels"
         bench.note(wide, name="wrong-side")
@@ -160,7 +216,7 @@ def _analytic(grid: VoxelGrid, built: Built, bench: Bench) -> VoxelBody:
         **grid_topology(grid.solid)._asdict(),
         "analytic": kinds | {"fallback_faces": 0},
         "voxels_on_wrong_side": wrong.centres,
-        "surfaces": _listed(part),
+        "surfaces": rows,
     }
     return VoxelBody(shape, errors, figures)
 
