@@ -68,6 +68,7 @@ MOST_SPANS = 64
 SMOOTHED = 0.8  # along the edge: shorter than any relief
 SPACING = 0.2  # between points of the edge where e is known
 LOOP_SPACING, CLEANED = 1.2, 1.5  # between points of the trim loop, and what is narrower than twice that many of them
+LEAST_EDGE = 0.5  # of the hole's edge, where it is walked over the lip, that must be left when it is cleaned
 REJECTED = 0.02  # largest share of edge points that may be taken for chips
 SMALLEST_CHIP = 0.2  # mm; what stands off by less is relief or noise
 BESIDE, MOST_BESIDE = 2.5, 4.0  # mm of edge to either side that a chip stands off from, and at most so many units
@@ -229,13 +230,23 @@ def _fitted(wall: Wall, axis: Axis, like: WallFit | None) -> WallFit:
     start = None if like is None else scaled_curve(like.chart.profile.curve, like.unit / unit)
     chart = wheel_chart(wall, axis, start=start)
     if wall.edge.normals is not None:
-        wall = with_clean_edge(wall, chart, DOWN / unit)
+        wall = _with_enough_edge(with_clean_edge(wall, chart, DOWN / unit), len(wall.edge.points))
     edge = chart.flat(wall.edge.points, wall.edge.normals)
     ring = _ring(wall, chart, edge)
     residual = fit_residual(ring, chart.stretch, stiffness=None if like is None else like.residual.stiffness)
     left = edge[:, 2] - residual.at(edge[:, :2])
     sound = _sound(left, loop_length(wall.edge.points), wall.edge.sherds >= 0, unit)
     return WallFit(unit, wall, chart, edge, ring, residual, sound)
+
+
+def _with_enough_edge(wall: Wall, before: int) -> Wall:
+    left = len(wall.edge.points)
+    if left < LEAST_EDGE * before:
+        raise NoSurface(
+            f"The walls around the hole keep to no wheel: {left} of {before} points of its edge lie where a turned wall"
+            f" would have them, {LEAST_EDGE:.0%} needed. The sherds may not be round inside, or not in place."
+        )
+    return wall
 
 
 def clean_wall(wall: Wall, axis: Axis) -> Wall:
