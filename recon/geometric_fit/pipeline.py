@@ -6,8 +6,8 @@
     4. errors         mean, root mean square and largest distance
     5. refine         after some rounds, control points where the error is, until the tolerance or their number is met
 
-Beside the paper: points far off count more from cycle to cycle, and surface that strays from the scan or folds is
-pulled back (`guards`).
+Beside the paper: the rounds of a dense scan are on points that stand for others (`sampling`), points far off count more
+from cycle to cycle, and surface that strays from the scan or folds is pulled back (`guards`).
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from recon.geometric_fit.convergence import StoppedBy, norms
 from recon.geometric_fit.creases import n_loose_ends, with_creases, without_loose_ends
 from recon.geometric_fit.crossings import without_crossings
 from recon.geometric_fit.exact_distances import Seen, exact_distances, seen
-from recon.geometric_fit.foot_points import Feet, seed_feet, surface_samples
+from recon.geometric_fit.foot_points import Feet, Places, seed_feet, surface_samples
 from recon.geometric_fit.growth import CYCLES, Growth
 from recon.geometric_fit.guards import Guards
 from recon.geometric_fit.hole_filling import close_holes
@@ -145,7 +145,9 @@ class _Fit:
         patches = ground.patches
         seeds = seed_feet(surface_samples(patches, patches.points @ ground.mesh.vertices), self._scan.points).places()
         first = sample = sample_of(self._scan, seeds.patch, len(patches.sheets.faces))
-        weights, start = sample.weights, seeds.chosen(sample.at)
+        weights: Floats = sample.weights
+        start: Places | None = seeds.chosen(sample.at)
+        del seeds  # of a scan of millions of points all room counts
         stopped, cycle, last, grows = None, 0, None, not self._options.plain
         while stopped is None:
             final = not grows or ground.mesh.n_vertices >= self._limit
@@ -155,6 +157,7 @@ class _Fit:
                 ground, sample, weights, n_rounds=n_rounds - n_last, start=start, reweighs=cycle > 0
             )
             found = self._seen(ground, sample, feet)
+            del feet
             if n_last:
                 sample, weights = self._with_far(first, (sample, weights), found)
                 start = found.places.chosen(sample.at)
@@ -162,6 +165,7 @@ class _Fit:
                     ground, sample, weights, n_rounds=n_last, start=start, reweighs=True
                 )
                 found = self._seen(ground, sample, feet)
+                del feet
             errors = norms(found.distances, self._scan.diagonal, self._scan.counts)
             stopped = self._growth.ended(errors, last, diagonal=self._scan.diagonal, final=final)
             if stopped is None:
@@ -180,9 +184,7 @@ class _Fit:
         patches, start = ground.patches, feet.places().chosen(sample.nearest)
         return seen(patches, ground.borders, patches.points @ ground.mesh.vertices, self._scan.points, start)
 
-    def _with_far(
-        self, first: Sample, now: tuple[Sample, Floats], found: Seen
-    ) -> tuple[Sample, Floats]:
+    def _with_far(self, first: Sample, now: tuple[Sample, Floats], found: Seen) -> tuple[Sample, Floats]:
         """The first sample with all points that are far off, and its weights."""
         sample, weights = now
         if first.is_whole:

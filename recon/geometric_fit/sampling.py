@@ -57,10 +57,10 @@ def all_points(scan: ScanData) -> Sample:
     return Sample(np.arange(n), scan.points, scan.counts, scan.weights, np.arange(n, dtype=np.int32))
 
 
-def sample_of(scan: ScanData, patch: Ints, n_patches: int) -> Sample:
+def sample_of(scan: ScanData, patch: Ints | SmallInts, n_patches: int) -> Sample:
     """Some measured points of every patch, given the patch (N,) of each point, and all that were not measured."""
     n = len(scan.points)
-    patch = patch[: scan.n_measured]
+    patch = patch[: scan.n_measured].astype(np.int64)
     if np.minimum(np.bincount(patch, minlength=n_patches), IN_PATCH).sum() > MOST * scan.n_measured:
         return all_points(scan)
     nearest = np.arange(n, dtype=np.int32)

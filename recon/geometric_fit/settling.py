@@ -15,20 +15,20 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from recon.geometric_fit.borders import BorderPull, Borders, sideways
 from recon.geometric_fit.convergence import Norms, Round, norms
 from recon.geometric_fit.folding import stepped, unfolded
-from recon.geometric_fit.foot_points import Feet, Places, joined, nearest_feet, walk_feet, walk_on
-from recon.geometric_fit.guards import Guards, Strays, fairness
+from recon.geometric_fit.foot_points import ROUGH, Feet, Places, joined, nearest_feet, walk_feet, walk_on
+from recon.geometric_fit.guards import Guards, Strays, fairness, neighbour_means
 from recon.geometric_fit.options import FitOptions
-from recon.geometric_fit.patch_rows import PatchColumns, patch_columns, patch_part
+from recon.geometric_fit.patch_rows import PatchColumns, mean_move, patch_columns, patch_part
 from recon.geometric_fit.reweighting import GENTLE, STEEP, reweighed
 from recon.geometric_fit.sampling import Sample
 from recon.geometric_fit.scan_data import ScanData
 from recon.geometric_fit.updates import METRICS, PatchPull, Pull, Updater, rows_for
 from recon.geometry.control_mesh import ControlMesh
+from recon.numerics.halfedges import vertex_normals
 from recon.numerics.rows import row_distances
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches
@@ -37,13 +37,17 @@ __all__ = ["Ground", "Rounds"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
-SEED_STEP = 1e-5  # of the size of the data: the last step of a walk from a seed
 FAIRNESS, LEAST_FAIRNESS = 1e-3, 1.5e-4  # weight of the control mesh's own energy, as a share of the data's
 CALMER = 0.8  # times as much of it from round to round
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
 EASING = 1.4  # times less stiff a round where it would not
 WORSE, SHORTENINGS = 1.5, 3  # times the rms error after which a step is halved, and how often
+SLIDING, MOST_SLIDING = 0.25, 16.0  # data points that a move along the surface counts as, and times more at folds
+SETTLED = 16  # rounds until that is so
+STUCK, FAR_OFF = 2, 4.0  # rounds that folds hold a point, and rms errors there, from when on it is loosened
+LOOSENINGS, RECOVERY = 3, 2  # passes of that, and rounds that must follow
 STRAY, STRAY_WEIGHT = 2.5, 0.15  # rms errors from where on surface strays, and what one sample of it weighs
 
 
@@ -73,95 +77,100 @@ class Rounds:
         start     where its feet were; None: they are sought
         reweighs  whether points far off count more from round to round
         """
-        mesh, patches, guards, borders = ground
-        scan, data, columns = self._scan, sample.points, patch_columns(patches)
+        mesh, patches, guards, _ = ground
         # a step is only allowed to keep what is not folded so: start without folds; but where a start was given, tips
         # would be smoothed away with them, and most folds leave in the rounds
         points = mesh.vertices if self._options.start is not None else unfolded(mesh, guards)[0].vertices
         placed = patches.points @ points
         if start is None:
-            feet = nearest_feet(patches, placed, data, step=SEED_STEP)
+            feet = nearest_feet(patches, placed, sample.points, step=ROUGH)
         else:
-            feet = walk_feet(patches, placed, data, start)
-        distance = row_distances(feet.positions, data)
-        stiffer, updater = np.ones(mesh.n_vertices), Updater(self._options.update)
-        strays: Strays | None = None
+            feet = walk_feet(patches, placed, sample.points, start)
+        at = _State(ground, patch_columns(patches), sample, weights, points, feet)
+        updater = Updater(self._options.update)
         best, number_of_best = ((mesh.n_vertices + 1, np.inf), points, feet.places()), -1
         for number in range(n_rounds):
-            if number % 2 == 0 or strays is None:
-                strays = guards.strays(points, STRAY * _rms(distance, sample))
-            energy = fairness(mesh, stiffer * self._fairness() * scan.n_measured / mesh.n_vertices)
-            more = self._more(patches, (points, feet), (sample, weights), (strays, borders.pull(points)))
-            new = updater.moved(points, self._pull(ground, columns, (feet, data, weights), more, energy))
-            step = stepped(guards, points, new)
-            if step.folding.any():
-                eased = np.maximum(stiffer / EASING, 1.0)
-                stiffer = np.where(step.folding, np.minimum(STIFFER * stiffer, STIFFEST), eased)
-            old, before = points, _rms(distance, sample)
-            for halving in range(SHORTENINGS + 1):
-                if halving:  # points slid away along the surface, as they may at a border
-                    step = stepped(guards, old, 0.5 * (old + points))
-                points = step.points
-                placed = patches.points @ points
-                walk_on(patches, placed, data, feet)
-                feet = borders.hopped(placed, data, feet)
-                distance = row_distances(feet.positions, data)
-                if _rms(distance, sample) <= WORSE * before:
-                    break
-            errors = self._note(mesh, distance, sample)
+            if number % 2 == 0:
+                at.strays = guards.strays(at.points, STRAY * at.rms())
+            folded = self._move(at, updater)
+            errors = self._note(mesh, at.distance, sample)
             # the largest error jumps from round to round where the scan has two sheets close together
-            merit = (int(step.folded.sum()), errors.rms * errors.maximum)
+            merit = (folded, errors.rms * errors.maximum)
             if merit <= best[0]:
-                best, number_of_best = (merit, points, feet.places()), number
+                best, number_of_best = (merit, at.points, at.feet.places()), number
             if reweighs or self._options.robust:
-                growth = GENTLE if scan.is_open or len(scan.sharp_edges) else STEEP
-                weights = reweighed(
-                    weights, sample.weights, distance, sample.counts, growth=growth, robust=self._options.robust
-                )
+                self._reweigh(at)
+            if n_rounds - number > RECOVERY:
+                at.loosen(folded)
+        points, feet = at.points, at.feet
         if number_of_best < n_rounds - 1:
-            points, feet = best[1], walk_feet(patches, patches.points @ best[1], data, best[2])
-        return ground._replace(mesh=mesh.with_vertices(points)), feet, weights
+            points, feet = best[1], walk_feet(patches, patches.points @ best[1], sample.points, best[2])
+        return ground._replace(mesh=mesh.with_vertices(points)), feet, at.weights
+
+    def _move(self, at: "_State", updater: Updater) -> int:
+        """One move, shortened where it folds the surface or leads away; how many control points are folded."""
+        guards = at.ground.guards
+        pull = self._pull(at)
+        careful = mean_move(pull.parts) if isinstance(pull, PatchPull) else None
+        step = stepped(guards, at.points, updater.moved(at.points, pull), careful)
+        if step.folding.any():
+            eased = np.maximum(at.stiffer / EASING, 1.0)
+            at.stiffer = np.where(step.folding, np.minimum(STIFFER * at.stiffer, STIFFEST), eased)
+        at.held = np.where(step.held, at.held + 1, 0)
+        old, before = at.points, at.rms()
+        at.go(step.points)
+        for _ in range(SHORTENINGS):
+            if at.rms() <= WORSE * before:
+                break
+            # points slid away along the surface, as they may at a border
+            step = stepped(guards, old, 0.5 * (old + at.points))
+            at.go(step.points)
+        return int(step.folded.sum())
+
+    def _reweigh(self, at: "_State") -> None:
+        sample, growth = at.sample, GENTLE if self._scan.is_open or len(self._scan.sharp_edges) else STEEP
+        at.weights = reweighed(
+            at.weights, sample.weights, at.distance, sample.counts, growth=growth, robust=self._options.robust
+        )
 
     def _fairness(self) -> float:
         """Less from round to round: what keeps the first rounds calm only keeps the last ones from the data."""
         return max(FAIRNESS * CALMER ** len(self.record), LEAST_FAIRNESS)
 
-    def _more(
-        self,
-        patches: LimitPatches,
-        at: tuple[Floats, Feet],
-        data: tuple[Sample, Floats],
-        guarded: tuple[Strays, BorderPull],
-    ) -> tuple[Feet, Floats, Floats]:
+    def _sliding(self, at: "_State") -> Floats:
+        """(V, 3, 3) what moves along the surface cost: nothing at first, when they bring points where they should be;
+        later as much as some share of one data point, and more where the surface would fold."""
+        normals = vertex_normals(at.points, at.ground.mesh.triangle_mesh().face_vertices)
+        along = np.eye(3) - normals[:, :, None] * normals[:, None, :]
+        cost = SLIDING * min(len(self.record) / SETTLED, 1.0) ** 2
+        return np.asarray(cost * np.minimum(at.stiffer, MOST_SLIDING)[:, None, None] * along)
+
+    def _more(self, at: "_State", border: BorderPull) -> tuple[Feet, Floats, Floats]:
         """Feet, targets and weights beside those of the data points: of those that pull sideways, and of samples
         that stay where they are in their patches."""
-        (control_points, feet), (sample, weights), (strays, border) = at, data, guarded
-        scan, points = self._scan, patches.points @ control_points
-        astray = strays.feet
+        patches, strays, feet = at.ground.patches, at.strays, at.feet
+        points, astray = patches.points @ at.points, strays.feet
         positions = points_at(patches.arrays, points, astray.patch, astray.v, astray.w, 1)[:, 0]
         beside, conormals = sideways(patches, points, feet)
         again = feet.chosen(beside)._replace(normals=conormals)
         # as much as the data points along it
-        along = np.sqrt(scan.n_measured / len(control_points)) / 4.0
+        along = np.sqrt(self._scan.n_measured / len(at.points)) / 4.0
         others = np.repeat([STRAY_WEIGHT, along], [len(astray.patch), len(border.targets)])
         return (
             joined((again, astray._replace(positions=positions), border.feet)),
-            np.concatenate([sample.points[beside], strays.targets, border.targets]),
-            np.concatenate([weights[beside], others]),
+            np.concatenate([at.sample.points[beside], strays.targets, border.targets]),
+            np.concatenate([at.weights[beside], others]),
         )
 
-    def _pull(
-        self,
-        ground: Ground,
-        columns: PatchColumns,
-        data: tuple[Feet, Floats, Floats],
-        more: tuple[Feet, Floats, Floats],
-        energy: sparse.csr_array,
-    ) -> Pull | PatchPull:
+    def _pull(self, at: "_State") -> Pull | PatchPull:
         """Data points, and what is beside them."""
+        ground = at.ground
+        energy = fairness(ground.mesh, at.stiffer * self._fairness() * self._scan.n_measured / len(at.points))
+        data, more = (at.feet, at.sample.points, at.weights), self._more(at, ground.borders.pull(at.points))
         if self._options.update in METRICS:
             metric = METRICS[self._options.update]
-            return PatchPull(tuple(patch_part(columns, *part, metric) for part in (data, more)), energy)
+            parts = tuple(patch_part(at.columns, *part, metric) for part in (data, more))
+            return PatchPull(parts, energy, self._sliding(at))
         all_feet = joined((data[0], more[0]))
         targets, weights = (np.concatenate([data[i], more[i]]) for i in (1, 2))
         rows = rows_for(self._options.update, ground.patches, all_feet, _faces(ground.mesh))
@@ -177,8 +186,59 @@ class Rounds:
         return errors
 
 
-def _rms(distance: Floats, sample: Sample) -> float:
-    return float(np.sqrt(np.average(distance**2, weights=sample.counts)))
+class _State:
+    """Where the rounds on one control mesh are.
+
+    stiffer  (V,) how many times stiffer than usual the surface is around each control point
+    held     (V,) rounds since each was last free to move
+    """
+
+    def __init__(
+        self, ground: Ground, columns: PatchColumns, sample: Sample, weights: Floats, points: Floats, feet: Feet
+    ) -> None:
+        self.ground, self.columns, self.sample, self.weights = ground, columns, sample, weights
+        self.points, self.feet = points, feet
+        self.distance = row_distances(feet.positions, sample.points)
+        self.stiffer, self.held = np.ones(len(points)), np.zeros(len(points), dtype=np.int64)
+        self.strays: Strays
+
+    def rms(self) -> float:
+        """Of the distances of all measured points, as far as the sample tells."""
+        return float(np.sqrt(np.average(self.distance**2, weights=self.sample.counts)))
+
+    def go(self, points: Floats) -> None:
+        """Move the control points, and find the feet again."""
+        patches, data = self.ground.patches, self.sample.points
+        placed, self.points = patches.points @ points, points
+        walk_on(patches, placed, data, self.feet)
+        self.feet = self.ground.borders.hopped(placed, data, self.feet)
+        self.distance = row_distances(self.feet.positions, data)
+
+    def loosen(self, n_folded: int) -> None:
+        """Spread control points evenly where every step would fold the surface and the error is large.
+
+        Points that have slid close together there hold each other, and would for good.
+        """
+        guards = self.ground.guards
+        stuck = (self.held >= STUCK) & self._far_off()
+        if not stuck.any():
+            return
+        around, means, points = guards.widened(stuck), neighbour_means(self.ground.mesh), self.points
+        for _ in range(LOOSENINGS):
+            points = np.where(around[:, None], 0.5 * (points + means @ points), points)
+        if guards.folded(points).sum() <= n_folded:
+            self.held[around] = 0
+            self.go(points)
+
+    def _far_off(self) -> Bools:
+        """(V,) the control points of faces with a measured point far off."""
+        mesh, measured = self.ground.mesh, self.sample.counts > 0
+        worst = np.zeros(mesh.n_faces)
+        face = np.minimum(self.feet.patch[measured] // 4, mesh.n_faces - 1)
+        np.maximum.at(worst, face, self.distance[measured])
+        far = np.zeros(mesh.n_vertices, dtype=np.bool_)
+        far[_faces(mesh)[worst > FAR_OFF * self.rms()]] = True
+        return far
 
 
 def _faces(mesh: ControlMesh) -> Ints:
