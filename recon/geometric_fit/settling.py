@@ -28,7 +28,7 @@ from recon.geometric_fit.sampling import Sample
 from recon.geometric_fit.scan_data import ScanData
 from recon.geometric_fit.updates import METRICS, PatchPull, Pull, Updater, rows_for
 from recon.geometry.control_mesh import ControlMesh
-from recon.numerics.halfedges import vertex_normals
+from recon.numerics.halfedges import free_edges, vertex_normals
 from recon.numerics.rows import row_distances
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches
@@ -139,11 +139,14 @@ class Rounds:
 
     def _sliding(self, at: "_State") -> Floats:
         """(V, 3, 3) what moves along the surface cost: nothing at first, when they bring points where they should be;
-        later as much as some share of one data point, and more where the surface would fold."""
+        later as much as some share of one data point, and more where the surface would fold. On borders and creases
+        they are free: there a point has to come to a line."""
         normals = vertex_normals(at.points, at.ground.mesh.triangle_mesh().face_vertices)
         along = np.eye(3) - normals[:, :, None] * normals[:, None, :]
         cost = SLIDING * min(len(self.record) / SETTLED, 1.0) ** 2
-        return np.asarray(cost * np.minimum(at.stiffer, MOST_SLIDING)[:, None, None] * along)
+        costs = cost * np.minimum(at.stiffer, MOST_SLIDING)
+        costs[at.on_lines] = 0.0
+        return np.asarray(costs[:, None, None] * along)
 
     def _more(self, at: "_State", border: BorderPull) -> tuple[Feet, Floats, Floats]:
         """Feet, targets and weights beside those of the data points: of those that pull sideways, and of samples
@@ -191,6 +194,7 @@ class _State:
 
     stiffer  (V,) how many times stiffer than usual the surface is around each control point
     held     (V,) rounds since each was last free to move
+    on_lines the numbers of those on creases and borders
     """
 
     def __init__(
@@ -201,6 +205,7 @@ class _State:
         self.distance = row_distances(feet.positions, sample.points)
         self.stiffer, self.held = np.ones(len(points)), np.zeros(len(points), dtype=np.int64)
         self.strays: Strays
+        self.on_lines = np.union1d(ground.mesh.crease_edges, free_edges(_faces(ground.mesh)))
 
     def rms(self) -> float:
         """Of the distances of all measured points, as far as the sample tells."""
