@@ -17,6 +17,7 @@ from recon.geometric_fit.foot_points import (
     Feet,
     Places,
     Samples,
+    patch_order,
     seed_feet,
     surface_samples,
     walk_feet,
@@ -27,10 +28,10 @@ from recon.subdivision.limit_surface import LimitPatches
 __all__ = ["Seen", "exact_distances", "seen"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+SmallInts = NDArray[np.int32]
 
 FAR = 3.0  # root mean squares from where on a distance is doubted
-PIECE = 1 << 16  # points looked at together
+PIECE = 1 << 14  # points looked at together
 MORE_STARTS = 12  # samples nearest to such a point
 SOME_STARTS = 3  # the same between rounds
 
@@ -56,9 +57,10 @@ class _Surface(NamedTuple):
         return feet, row_distances(feet.positions, data)
 
 
-def _pieces(data: Floats) -> list[Ints]:
-    """Numbers of the data points, (n,) together."""
-    return [np.arange(first, min(first + PIECE, len(data))) for first in range(0, len(data), PIECE)]
+def _pieces(patches: LimitPatches, start: Places) -> list[SmallInts]:
+    """Numbers of the data points, (n,) together: those that start in the same patches, whose nets are at hand then."""
+    order, _ = patch_order(start.patch.astype(np.int64), len(patches.arrays.tables))
+    return [order[first : first + PIECE] for first in range(0, len(order), PIECE)]
 
 
 def _size(data: Floats) -> float:
@@ -72,7 +74,7 @@ def seen(patches: LimitPatches, borders: Borders, points: Floats, data: Floats, 
     n = len(data)
     places = Places(np.empty(n, dtype=np.int32), np.empty(n, dtype=np.float32), np.empty(n, dtype=np.float32))
     found = np.empty(n)
-    for piece in _pieces(data):
+    for piece in _pieces(patches, start):
         step = ROUGH * whole / _size(data[piece])
         feet, found[piece] = surface.walked(data[piece], start.chosen(piece), step=step)
         for all_of, of_piece in zip(places, feet.places()):
@@ -98,7 +100,7 @@ def exact_distances(patches: LimitPatches, borders: Borders, points: Floats, dat
     """
     surface, samples, whole = _Surface(patches, borders, points), surface_samples(patches, points), _size(data)
     found = np.empty(len(data))
-    for piece in _pieces(data):
+    for piece in _pieces(patches, warm):
         to = data[piece]
         # a step is a share of the size of what is walked for, which is one piece after the other
         step = EXACT * whole / _size(to)

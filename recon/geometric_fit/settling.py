@@ -112,7 +112,9 @@ class Rounds:
         guards = at.ground.guards
         pull = self._pull(at)
         careful = mean_move(pull.parts) if isinstance(pull, PatchPull) else None
-        step = stepped(guards, at.points, updater.moved(at.points, pull), careful)
+        new = updater.moved(at.points, pull)
+        del pull  # its rows are most of the memory of a round
+        step = stepped(guards, at.points, new, careful)
         if step.folding.any():
             eased = np.maximum(at.stiffer / EASING, 1.0)
             at.stiffer = np.where(step.folding, np.minimum(STIFFER * at.stiffer, STIFFEST), eased)
