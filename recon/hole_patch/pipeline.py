@@ -37,7 +37,7 @@ from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
-from recon.hole_patch.wall_check import check_fracture_met, check_walls_go_on
+from recon.hole_patch.wall_check import check_fracture_met, check_fracture_unfolded, check_walls_go_on
 from recon.hole_patch.wheel_sheet import clean_wall, fit_wall, wheel_sheet
 
 __all__ = [
@@ -413,6 +413,7 @@ def _shape(
         check_walls_go_on(outer.trimmed, inner.trimmed, around)
         thick = thick_piece(outer, inner, around.fracture, clearance=options.clearance)
         check_fracture_met(thick, around, clearance=options.clearance)
+        check_fracture_unfolded(thick)
         return thick
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
 
