@@ -34,12 +34,13 @@ from threadpoolctl import threadpool_limits
 from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
+from recon.hole_patch.bridged_wall import fit_bridged
 from recon.hole_patch.fitting import SAMPLE_RADIUS, edge_samples, fit_surface
 from recon.hole_patch.pipeline import MissingPiece
 from recon.hole_patch.settling import Settling
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, ShownThickness, Wall
-from recon.hole_patch.wheel_sheet import WallFit, fit_wall
+from recon.hole_patch.wheel_sheet import WallFit, fit_any_wall, fit_wall
 from recon.numerics.distance import TriangleTree
 from recon.numerics.foot_points import foot_points
 from recon.numerics.polygons import within
@@ -189,7 +190,9 @@ class _Edge:
 def _wall(sheet: Sheet, wall: Wall, axis: Axis | None, explained: float) -> WallConfidence:
     if sheet.box_angle_deg is not None or axis is None:
         return _boxed(sheet, wall)
-    fit = fit_wall(wall, axis)
+    fit = fit_any_wall(wall, axis) if sheet.bridged else fit_wall(wall, axis)
+    # a bridged wall is known no better inside than its edge stands off from the wheel
+    sound = fit_bridged(wall, axis).sound if sheet.bridged else fit.sound
     left = fit.ring.distance - fit.residual.at(fit.ring.chart)
     fits = [_stand_off(other, sheet) for other in _fits_without(wall, axis, fit)]
     return WallConfidence(
@@ -202,8 +205,8 @@ def _wall(sheet: Sheet, wall: Wall, axis: Axis | None, explained: float) -> Wall
         _disagreement(sheet.trimmed.surface, fits, fit.unit * fit.residual.foretold),
         _Edge(
             lambda uv: fit.unit * fit.chart.unfolded(uv / fit.unit),
-            fit.unit * fit.edge[fit.sound, :2],
-            fit.unit * fit.left()[fit.sound],
+            fit.unit * fit.edge[sound, :2],
+            fit.unit * fit.left()[sound],
             fit.unit * fit.fading(),
         ),
     )

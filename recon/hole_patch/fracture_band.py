@@ -18,6 +18,8 @@ from scipy.interpolate import CubicSpline
 
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.numerics.bernstein import bernstein, bernstein_derivative
+from recon.numerics.foot_points import foot_points
+from recon.numerics.polygons import within
 from recon.numerics.spline_parts import spline_part
 
 __all__ = ["HEIGHTS", "UV", "FractureBand", "FracturePart", "rung_points"]
@@ -30,6 +32,9 @@ HEIGHTS = (0.25, 0.5, 0.75)  # of the way from the outer to the inner edge
 STEEPEST = np.cos(np.radians(65.0))  # between the fracture and the one without relief: what turns farther folds soon
 DAMPED = 1.0  # mm along the edge over which relief that would fold is taken back
 DAMPINGS = 12
+PROBED = np.linspace(0.0, 1.0, 9)[1:-1]  # heights at which rungs must lie between the sheets
+THROUGH = 1e-3  # mm beyond a sheet, at which a rung has passed through it
+PUSHES, PUSHED = 8, 1.5  # times that it is pushed back, and by how many times as much: a little clear of the sheet
 
 # columns of a row
 UV, ENDS = (np.s_[0:2], np.s_[2:4]), (np.s_[4:7], np.s_[7:10])
@@ -112,13 +117,43 @@ class FractureBand:
                 folded |= np.einsum("ij,ij->i", plain, moved) < STEEPEST * sizes
         return folded
 
+    def enters(self) -> Bools:
+        """(n - 1,) whether a rung beside the step from one station to the next passes through a sheet of the piece.
+
+        Where fracture and wall meet at a sharp edge little relief is enough. Only of a closed band: the sheets of the
+        piece end at its stations.
+        """
+        through = np.linalg.norm(self._beyond(PROBED), axis=2).max(axis=1) > 0.0
+        return np.asarray(through[:-1] | through[1:])
+
+    def _beyond(self, heights: Floats) -> Floats:
+        """(n, heights, 3) ways back through the sheets from points of the rungs that lie beyond them, else 0."""
+        back = np.zeros((len(self.rows), len(heights), 3))
+        if not self.closed:
+            return back
+        points = np.stack([_on_rung(self.rows, height, (BEND, RELIEF)) for height in heights], axis=1)
+        for surface, uv in zip(self.surfaces, UV):
+            start = np.repeat(self.rows[:, uv], len(heights), axis=0)
+            feet = foot_points(surface, points.reshape(-1, 3), start)
+            normals = surface.normal(feet)
+            above = np.einsum("ij,ij->i", points.reshape(-1, 3) - surface.point(feet), normals)
+            through = np.flatnonzero(above * np.sign(np.median(above)) < -THROUGH)
+            through = through[within(self.rows[:, uv], feet[through])]
+            back.reshape(-1, 3)[through] = -above[through, None] * normals[through]
+        return back
+
     def unfolded(self) -> "FractureBand":
-        """The band, its relief halved around every place where the fracture would fold, until it folds nowhere."""
+        """The band, its relief halved around every place where the fracture would fold or pass through a sheet of the
+        piece, until it does so nowhere; what the relief is not to blame for is pushed back through the sheet.
+        """
+        return self._damped()._pushed_back()
+
+    def _damped(self) -> "FractureBand":
         if not self.rows[:, RELIEF].any():
             return self
         band = self
         for _ in range(DAMPINGS):
-            folded = band.folds()
+            folded = band.folds() | band.enters()
             if not folded.any():
                 return band
             apart = np.abs(band.t[:, None] - band.t[:-1][folded][None, :])
@@ -127,7 +162,28 @@ class FractureBand:
                 apart[-1] = apart[0]  # the same station, but for rounding
             share = 1.0 - 0.5 * np.exp(-((apart.min(axis=1) / DAMPED) ** 2))
             band = band.following(relief=band.rows[:, RELIEF] * share[:, None])
-        return band.following(relief=np.zeros_like(band.rows[:, RELIEF]))
+        return band.following(relief=np.zeros_like(band.rows[:, RELIEF])) if band.folds().any() else band
+
+    def _pushed_back(self) -> "FractureBand":
+        """The band with the rungs that pass through a sheet pushed back, and those beside them less."""
+        apart = np.abs(self.t[:, None] - self.t[None, :])
+        apart = np.minimum(apart, self.t[-1] - apart)
+        near = np.exp(-((apart / DAMPED) ** 2))
+        nearest = np.abs(PROBED[:, None] - np.array(HEIGHTS)).argmin(axis=1)
+        band = self
+        for _ in range(PUSHES):
+            back = band._beyond(PROBED)
+            if not back.any():
+                break
+            moved = np.zeros_like(band.bend())
+            for k in range(len(HEIGHTS)):
+                mine = back[:, nearest == k]
+                deep = np.linalg.norm(mine, axis=2)
+                way = mine[np.arange(len(mine)), deep.argmax(axis=1)]
+                worst = (near * deep.max(axis=1)).argmax(axis=1)
+                moved[:, k] = PUSHED * near[np.arange(len(worst)), worst, None] * way[worst]
+            band = band.following(relief=band.rows[:, RELIEF] + moved.reshape(len(moved), -1))
+        return band
 
     def parts(self, corners: Ints) -> tuple[FracturePart, ...]:
         """Its stretches between stations of the given numbers: C2 along the edge, also from one to the next."""

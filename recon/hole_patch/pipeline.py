@@ -23,6 +23,7 @@ from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.hole_patch.axis import KEPT_TO
 from recon.hole_patch.box_route import box_sheet
+from recon.hole_patch.bridged_wall import bridged_sheet
 from recon.hole_patch.fitting import distances_from, edge_samples
 from recon.hole_patch.hole import Hole
 from recon.hole_patch.lip_piece import lip_piece
@@ -276,17 +277,21 @@ def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], Non
     """A piece for each reading of the walls that differs from those before, the likeliest first."""
     near = None if options.picks is None else options.picks.mean(axis=0)
     first = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
-    seen: list[Flags] = []
+    refused: list[tuple[Surroundings, int]] = []
     refusal, any_made = None, False
-    for least in LEASTS:
-        around, misread = look_again(found.reading, first, pass_band=options.pass_band, least=least)
-        if any(np.array_equal(misread, before) for before in seen):
-            continue
-        seen.append(misread)
+    for around, misread in _readings(found.reading, first, options):
         try:
-            piece = _piece(_with_clean_foot(around), int(misread.sum()), found, options, doing)
+            piece = _piece(around, misread, found, options, doing)
         except (NoHole, NoSurface, NoWall, BadGeometry) as error:
             refusal = refusal or error
+            refused.append((around, misread))
+            continue
+        any_made = True
+        yield piece
+    for around, misread in refused:
+        try:
+            piece = _piece(around, misread, found, options, doing, bridging=True)
+        except (NoHole, NoSurface, NoWall, BadGeometry):
             continue
         any_made = True
         yield piece
@@ -294,9 +299,29 @@ def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], Non
         raise refusal
 
 
+def _readings(reading: Reading, first: Surroundings, options: PatchOptions) -> Iterator[tuple[Surroundings, int]]:
+    """The surroundings of a hole with fracture taken for wall put right, each differently; and the faces of it."""
+    seen: list[Flags] = []
+    for least in LEASTS:
+        around, misread = look_again(reading, first, pass_band=options.pass_band, least=least)
+        if not any(np.array_equal(misread, before) for before in seen):
+            seen.append(misread)
+            yield _with_clean_foot(around), int(misread.sum())
+
+
 def _piece(
-    around: Surroundings, misread: int, found: HolesFound, options: PatchOptions, doing: Callable[[str], None]
+    around: Surroundings,
+    misread: int,
+    found: HolesFound,
+    options: PatchOptions,
+    doing: Callable[[str], None],
+    *,
+    bridging: bool = False,
 ) -> MissingPiece:
+    """
+    bridging  whether swellings at the edge of the inner wall are taken for wall, and bridged
+    Raises    NoSurface also where bridging is asked for and there is nothing to bridge.
+    """
     method, notes = _road(around, options)
     if misread:
         notes += (
@@ -305,7 +330,7 @@ def _piece(
     notes += () if found.settling is None else (found.settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)
-    inner, told = _inner_sheet(around, outer, method, options)
+    inner, told = _bridged(around, outer, method) if bridging else _inner_sheet(around, outer, method, options)
     notes += told
     relief = None
     if options.relief is Relief.CONTINUE and around.axis is not None:
@@ -388,6 +413,16 @@ def _shape(
         check_fracture_met(thick, around, clearance=options.clearance)
         return thick
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
+
+
+def _bridged(around: Surroundings, outer: Sheet, method: PatchMethod) -> tuple[Sheet, tuple[str, ...]]:
+    if around.inner is None or around.axis is None or method is PatchMethod.BOX:
+        raise NoSurface("There is no inner wall to bridge.")
+    told = (
+        "the inner wall around the hole does not keep to the wheel: in the piece it is bridged from edge to edge, and"
+        " nothing tells what stood there."
+    )
+    return bridged_sheet(around.inner, around.axis, outer), (told,)
 
 
 def _inner_sheet(

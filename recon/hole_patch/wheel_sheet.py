@@ -19,6 +19,7 @@ millimetres the face gives way to the edge that was measured.
 Paper  [kinoshita], section 3.4, for the fitted and trimmed face; [piegl1997], section 9.2.5, for the tensor spline.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -44,7 +45,18 @@ from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
-__all__ = ["WallFit", "clean_wall", "fit_wall", "wheel_sheet", "with_clean_edge"]
+__all__ = [
+    "WallFit",
+    "clean_wall",
+    "even_edge",
+    "fit_any_wall",
+    "fit_wall",
+    "loop_length",
+    "sheet_of_fit",
+    "unchipped",
+    "wheel_sheet",
+    "with_clean_edge",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -56,6 +68,7 @@ MOST_SPANS = 64
 SMOOTHED = 0.8  # along the edge: shorter than any relief
 SPACING = 0.2  # between points of the edge where e is known
 LOOP_SPACING, CLEANED = 1.2, 1.5  # between points of the trim loop, and what is narrower than twice that many of them
+LEAST_EDGE = 0.5  # of the hole's edge, where it is walked over the lip, that must be left when it is cleaned
 REJECTED = 0.02  # largest share of edge points that may be taken for chips
 SMALLEST_CHIP = 0.2  # mm; what stands off by less is relief or noise
 BESIDE, MOST_BESIDE = 2.5, 4.0  # mm of edge to either side that a chip stands off from, and at most so many units
@@ -105,6 +118,7 @@ class WallFit:
     edge      (n, 3) u, v, d of the hole's edge
     residual  d over the chart, fitted to the ring
     sound     (n,) points of the edge that were measured and are no chips
+    bridge    what (m, 2) u, v add to d where the edge's own stand-off is carried over the hole; None where it fades out
     """
 
     unit: float
@@ -114,14 +128,20 @@ class WallFit:
     ring: Ring
     residual: Residual
     sound: Bools
+    bridge: Callable[[Floats], Floats] | None = None
+
+    def at(self, uv: Floats) -> Floats:
+        """(m,) d at u and v (m, 2), before the face gives way to the edge."""
+        distance = self.residual.at(uv)
+        return distance if self.bridge is None else distance + self.bridge(uv)
 
     def left(self) -> Floats:
         """(n,) e along the edge."""
-        return np.asarray(self.edge[:, 2] - self.residual.at(self.edge[:, :2]))
+        return np.asarray(self.edge[:, 2] - self.at(self.edge[:, :2]))
 
     def fading(self) -> float:
         """ℓ in units."""
-        return _fading_length(_even_edge(self.edge, self.left(), self.sound))
+        return _fading_length(even_edge(self.edge, self.left(), self.sound))
 
 
 def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
@@ -135,17 +155,21 @@ def wheel_sheet(wall: Wall, axis: Axis, *, n_curves: int = 4) -> Sheet:
     Raises    NoSurface when the wall around the hole gives no profile or no ring, or is so far from round that the
               ring cannot be foretold from itself.
     """
-    fit = fit_wall(wall, axis)
+    return sheet_of_fit(fit_wall(wall, axis), n_curves=n_curves)
+
+
+def sheet_of_fit(fit: WallFit, *, n_curves: int = 4) -> Sheet:
+    """The sheet that `wheel_sheet` makes from what is known of a wall."""
     return scaled_sheet(_sheet_in_units(fit, n_curves), fit.unit)
 
 
 def _sheet_in_units(fit: WallFit, n_curves: int) -> Sheet:
-    wall, chart, edge, residual, sound = fit.wall, fit.chart, fit.edge, fit.residual, fit.sound
+    wall, chart, edge, sound = fit.wall, fit.chart, fit.edge, fit.sound
     left, measured = fit.left(), wall.edge.sherds >= 0
     face = _lip_face(chart, edge) if wall.over_lip else _face(chart, edge)
-    distance = residual.at(face.nodes())
+    distance = fit.at(face.nodes())
     base = face.surface(distance)
-    surface = face.surface(_drawn_to_edge(face, distance, _even_edge(edge, left, sound)))
+    surface = face.surface(_drawn_to_edge(face, distance, even_edge(edge, left, sound)))
     uv = foot_points(surface, wall.edge.points, edge[:, :2])
     off = np.linalg.norm(surface.point(uv) - wall.edge.points, axis=1)
     spacing = min(LOOP_SPACING, TRIM_SPACING / fit.unit)
@@ -163,6 +187,7 @@ def _sheet_in_units(fit: WallFit, n_curves: int) -> Sheet:
         rejected=rejected,
         lip=lip,
         sound=sound,
+        bridged=fit.bridge is not None,
         notes=_notes(measured, sound),
     )
 
@@ -175,6 +200,19 @@ def fit_wall(wall: Wall, axis: Axis, *, like: WallFit | None = None) -> WallFit:
     """The chart of a wall, its residual and the hole's edge in it; raises NoSurface as `wheel_sheet` does.
 
     like  the fit of nearly the same wall: its profile is where this one's begins, and the residual is as stiff
+    """
+    fit = fit_any_wall(wall, axis, like=like)
+    if fit.residual.foretold > OUT_OF_ROUND:
+        raise NoSurface(
+            "The wall around the hole is not round: left-out parts of it were missed by"
+            f" {fit.residual.foretold / RADIUS:.1%} of the vessel's radius on average, allowed"
+            f" {OUT_OF_ROUND / RADIUS:.1%}; use the box method."
+        )
+    return fit
+
+
+def fit_any_wall(wall: Wall, axis: Axis, *, like: WallFit | None = None) -> WallFit:
+    """As `fit_wall`, however far from round the wall is.
 
     A wall is fitted once: the second look, the sheet and its confidence ask for the same.
     """
@@ -192,19 +230,23 @@ def _fitted(wall: Wall, axis: Axis, like: WallFit | None) -> WallFit:
     start = None if like is None else scaled_curve(like.chart.profile.curve, like.unit / unit)
     chart = wheel_chart(wall, axis, start=start)
     if wall.edge.normals is not None:
-        wall = with_clean_edge(wall, chart, DOWN / unit)
+        wall = _with_enough_edge(with_clean_edge(wall, chart, DOWN / unit), len(wall.edge.points))
     edge = chart.flat(wall.edge.points, wall.edge.normals)
     ring = _ring(wall, chart, edge)
     residual = fit_residual(ring, chart.stretch, stiffness=None if like is None else like.residual.stiffness)
-    if residual.foretold > OUT_OF_ROUND:
-        raise NoSurface(
-            "The wall around the hole is not round: left-out parts of it were missed by"
-            f" {residual.foretold / RADIUS:.1%} of the vessel's radius on average, allowed {OUT_OF_ROUND / RADIUS:.1%};"
-            " use the box method."
-        )
     left = edge[:, 2] - residual.at(edge[:, :2])
-    sound = _sound(left, _loop_length(wall.edge.points), wall.edge.sherds >= 0, unit)
+    sound = _sound(left, loop_length(wall.edge.points), wall.edge.sherds >= 0, unit)
     return WallFit(unit, wall, chart, edge, ring, residual, sound)
+
+
+def _with_enough_edge(wall: Wall, before: int) -> Wall:
+    left = len(wall.edge.points)
+    if left < LEAST_EDGE * before:
+        raise NoSurface(
+            f"The walls around the hole keep to no wheel: {left} of {before} points of its edge lie where a turned wall"
+            f" would have them, {LEAST_EDGE:.0%} needed. The sherds may not be round inside, or not in place."
+        )
+    return wall
 
 
 def clean_wall(wall: Wall, axis: Axis) -> Wall:
@@ -231,7 +273,7 @@ def with_clean_edge(wall: Wall, chart: WheelChart, down: float = DOWN) -> Wall:
     points, flat, normals = edge.points[rows], flat[rows], edge.normals[rows]
     outward = np.einsum("ij,ij->i", chart.space(flat + np.array([0.0, 0.0, 1.0])) - points, normals)
     steep = np.sqrt(1.0 / np.clip(outward, 1e-3, 1.0) ** 2 - 1.0)
-    deep = _running_median(flat[:, 2], _loop_length(points), 4.0 * MARGIN) - flat[:, 2]
+    deep = _running_median(flat[:, 2], loop_length(points), 4.0 * MARGIN) - flat[:, 2]
     on_wall = deep * steep < down
     return replace(wall, edge=HoleEdge(points[on_wall], edge.sherds[rows][on_wall], normals[on_wall]))
 
@@ -243,7 +285,7 @@ def _without_strays(edge: HoleEdge, chart: WheelChart) -> HoleEdge:
     if edge.normals is None:
         return edge
     off = chart.flat(edge.points, edge.normals)[:, 2]
-    rows = np.flatnonzero(np.abs(off - _running_median(off, _loop_length(edge.points), 4.0 * MARGIN)) < ASTRAY)
+    rows = np.flatnonzero(np.abs(off - _running_median(off, loop_length(edge.points), 4.0 * MARGIN)) < ASTRAY)
     points = edge.points[rows]
     place = chart.unfolded(chart.flat(points, edge.normals[rows])[:, :2])
     along, across = (np.linalg.norm(np.roll(x, -1, axis=0) - x, axis=1) for x in (place, points))
@@ -328,15 +370,24 @@ def _sound(left: Floats, length: Floats, measured: Bools, unit: float) -> Bools:
 
     A chip stands off from the edge around it; a stretch that strayed into the fracture, from all the rest.
     """
+    astray = np.abs(left - np.median(left[measured]))
+    on_wall = astray <= max(6.0 * 1.4826 * float(np.median(astray[measured])), ASTRAY)
+    return on_wall & unchipped(left, length, measured, unit)
+
+
+def unchipped(left: Floats, length: Floats, measured: Bools, unit: float) -> Bools:
+    """(n,) points of the edge that were measured and do not stand off from the edge around them.
+
+    left    (n,) e along the edge, in units
+    length  (n + 1,) along it
+    """
     off = np.abs(left - _running_median(left, length, min(BESIDE / unit, MOST_BESIDE)))
     usual = 1.4826 * float(np.median(off[measured]))
     allowed = float(np.quantile(off[measured], 1.0 - REJECTED, method="higher"))  # never more than the share
-    astray = np.abs(left - np.median(left[measured]))
-    on_wall = astray <= max(6.0 * 1.4826 * float(np.median(astray[measured])), ASTRAY)
-    return measured & on_wall & (off <= max(6.0 * usual, allowed, SMALLEST_CHIP / unit))
+    return measured & (off <= max(6.0 * usual, allowed, SMALLEST_CHIP / unit))
 
 
-def _loop_length(loop: Floats) -> Floats:
+def loop_length(loop: Floats) -> Floats:
     """(n + 1,) length along a closed polyline at its points and, last, all around."""
     steps = np.linalg.norm(np.diff(loop, axis=0, append=loop[:1]), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
@@ -351,9 +402,9 @@ def _running_median(values: Floats, length: Floats, half_width: float) -> Floats
     return np.interp(length[:-1], at, median, period=length[-1])
 
 
-def _even_edge(edge: Floats, left: Floats, sound: Bools) -> Floats:
+def even_edge(edge: Floats, left: Floats, sound: Bools) -> Floats:
     """(k, 3) u, s and e at even steps along the edge, e averaged over `SMOOTHED`, bridges and chips filled."""
-    length = _loop_length(edge[:, :2])
+    length = loop_length(edge[:, :2])
     at = np.linspace(0.0, length[-1], max(16, round(length[-1] / SPACING)), endpoint=False)
     place = [np.interp(at, length[:-1], column, period=length[-1]) for column in edge[:, :2].T]
     e = np.interp(at, length[:-1][sound], left[sound], period=length[-1])

@@ -8,6 +8,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 from thrown_walls import AXIS, turned, wall_with_hole
 
+from brep_export.app.patch_job import TOLERANCE, kernel_piece
+from brep_export.check import check
 from recon.geometry.mesh import TriangleMesh
 from recon.hole_patch.edge_cleaning import crossings
 from recon.hole_patch.foot_rungs import ring_runs
@@ -124,3 +126,4 @@ def test_the_outer_wall_of_a_lost_base_sherd_runs_over_the_ring() -> None:
     away = closest_points(points, vessel.plain.vertices, vessel.plain.face_vertices).distances
     assert points[:, 2].min() < -5.0
     assert away.mean() < 0.1
+    assert check(kernel_piece(piece)[0], TOLERANCE).passed

@@ -6,13 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from warped_vessels import Side, swollen
 
 from recon.errors import NoSurface
-from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import ThickPiece
 from recon.hole_patch.pipeline import MissingPiece, PatchOptions, patch_hole
-from recon.hole_patch.sample_vessel import VesselOptions, _profile, broken_vessel
+from recon.hole_patch.sample_vessel import VesselOptions, broken_vessel
 from recon.hole_patch.wall_check import WallFigures, check_fracture_met, check_walls_go_on, wall_figures
 
 OPTIONS = VesselOptions(edge=2.0, seed=3)
@@ -61,26 +60,13 @@ def test_fracture_must_be_met_but_for_the_room_left_for_glue() -> None:
         check_fracture_met(made.shape, made.around)
 
 
-def swollen(
-    sherd: TriangleMesh, place: np.ndarray, *, outward: float, wide: float, outside_alone: bool
-) -> TriangleMesh:
-    """The sherd with its walls, or the outer one alone, moved away from the axis around a place."""
-    vertices = sherd.vertices.copy()
-    section = np.stack([np.hypot(vertices[:, 0], vertices[:, 1]), vertices[:, 2]], axis=1)
-    off = outward * np.exp(-(((vertices - place) ** 2).sum(axis=1) / wide**2))
-    if outside_alone:
-        far, near = (cKDTree(side).query(section)[0] for side in _profile(OPTIONS)[::-1])
-        off = off * far / (far + near)
-    vertices[:, :2] *= (1.0 + off / section[:, 0])[:, None]
-    return TriangleMesh(vertices, sherd.face_vertices, sherd.name)
-
-
 @pytest.mark.parametrize("outside_alone", [True, False])
 def test_a_hole_at_the_root_of_a_handle_is_refused_with_the_place(outside_alone: bool) -> None:
     edge = piece().around.outer.edge.points
     place = edge[np.argmax(edge[:, 2])]
     whole = broken_vessel(OPTIONS).sherds
-    sherds = [swollen(sherd, place, outward=8.0, wide=9.0, outside_alone=outside_alone) for sherd in whole]
+    on = Side.OUTER if outside_alone else Side.BOTH
+    sherds = [swollen(sherd, OPTIONS, place, outward=8.0, wide=9.0, on=on) for sherd in whole]
     with pytest.raises(NoSurface, match="A handle, a spout or a swelling sat there") as refusal:
         patch_hole(sherds)
     named = re.search(r"near \(([^)]*)\)", str(refusal.value))
