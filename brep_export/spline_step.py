@@ -24,6 +24,7 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from brep_export.check_geometry import max_tolerance
 from brep_export.check_topology import EdgeUses, ShapeKind
 from brep_export.face_nets import NetGroup
 from brep_export.file_header import FileHeader
@@ -57,7 +58,7 @@ def write_spline_text(
         points = _points(text, parts)
         edges = _edge_curves(text, parts, points, _surfaces(text, parts, points))
         bodies, kind = _bodies(text, parts, *edges)
-        add_product(text, bodies, header, kind=kind, measures=measures)
+        add_product(text, bodies, header, kind=kind, measures=measures, accuracy=max_tolerance(shape))
     return True
 
 

@@ -4,6 +4,7 @@ import datetime
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from re import sub
 from typing import TextIO
 
 import numpy as np
@@ -24,7 +25,15 @@ UNITS = {
 
 
 def quoted(words: str) -> str:
-    return words.replace("'", "''")
+    """Text between quotation marks; letters beyond ASCII by their numbers, as ISO 10303-21 wants them."""
+    text = words.replace("\\", "\\\\").replace("'", "''")
+    return sub(r"[^\x20-\x7e]+", lambda found: _by_number(found[0]), text)
+
+
+def _by_number(letters: str) -> str:
+    wide = max(map(ord, letters)) > 0xFFFF
+    code = letters.encode("utf-32-be" if wide else "utf-16-be").hex().upper()
+    return f"\\X{4 if wide else 2}\\{code}\\X0\\"
 
 
 def real(value: float) -> str:
@@ -89,17 +98,21 @@ def add_product(
     *,
     kind: str = "ADVANCED_BREP",
     measures: ShapeMeasures | None = None,
+    accuracy: float = 1e-7,
 ) -> None:
     """What says that the bodies are a part, in which unit, and how large it is.
 
     kind      ADVANCED_BREP for solids, MANIFOLD_SURFACE for shells
     measures  by which a reader can tell that it read the part well
+    accuracy  length within which edges and vertices lie on what they join
     """
     add, name = text.add, quoted(header.name)
     length = add(UNITS[header.unit])
     angle = add("( NAMED_UNIT(*) PLANE_ANGLE_UNIT() SI_UNIT($,.RADIAN.) )")
     solid_angle = add("( NAMED_UNIT(*) SI_UNIT($,.STERADIAN.) SOLID_ANGLE_UNIT() )")
-    sure = add(f"UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE(1.E-07),#{length},'distance_accuracy_value','')")
+    sure = add(
+        f"UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE({real(accuracy)}),#{length},'distance_accuracy_value','')"
+    )
     world = add(
         f"( GEOMETRIC_REPRESENTATION_CONTEXT(3) GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT((#{sure})) "
         f"GLOBAL_UNIT_ASSIGNED_CONTEXT((#{length},#{angle},#{solid_angle})) REPRESENTATION_CONTEXT('','') )"

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from kernel_shapes import box, faces, sound_shapes
-from OCP.BRep import BRep_Tool
+from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
-from OCP.TopAbs import TopAbs_State
+from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
+from OCP.TopoDS import TopoDS
 
-from brep_export.blocks import block_solid
+from brep_export.blocks import block_solid, side_by_side
 from brep_export.check import ShapeKind, check
+from brep_export.check_geometry import max_tolerance
+from brep_export.check_topology import sub_shapes
 from brep_export.file_header import FileHeader, LengthUnit
 from brep_export.infinity import infinity_is_outside
 from brep_export.measures import measure
@@ -78,6 +81,21 @@ def test_the_file_tells_volume_area_and_centre(tmp_path):
     write_step(shape, path)
     text, measures = path.read_text(), measure(shape)
     assert f"VOLUME_MEASURE({measures.volume!r})" in text and f"AREA_MEASURE({measures.area!r})" in text
+
+
+def test_several_solids_come_back_as_several(tmp_path):
+    both = side_by_side([block_solid(pyramid(), -1.0, TOLERANCE), block_solid(saddles(), -1.0, TOLERANCE)])
+    assert write_spline_text(both, tmp_path / "part.step", FileHeader(), measure(both))
+    assert write_step(both, tmp_path / "part.step").same
+
+
+def test_the_file_states_the_widest_tolerance_and_spells_any_name(tmp_path):
+    shape, path = block_solid(saddles(), -1.0, TOLERANCE), tmp_path / "part.step"
+    BRep_Builder().UpdateVertex(TopoDS.Vertex_s(next(sub_shapes(shape, TopAbs_ShapeEnum.TopAbs_VERTEX))), 2.5e-4)
+    write_step(shape, path, header=FileHeader(name="B\u00f6schung \\ 7"))
+    assert "UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE(0.00025)" in path.read_text()
+    assert r"PRODUCT('B\X2\00F6\X0\schung \\ 7'" in path.read_text()
+    assert max_tolerance(read_cad(path)) >= 2.5e-4
 
 
 def test_another_kernel_reads_the_same_block(tmp_path):
