@@ -37,6 +37,7 @@ from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.bridged_wall import fit_bridged
 from recon.hole_patch.fitting import SAMPLE_RADIUS, edge_samples, fit_surface
 from recon.hole_patch.pipeline import MissingPiece
+from recon.hole_patch.relief import ReliefSheet, ReliefSource
 from recon.hole_patch.settling import Settling
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, ShownThickness, Wall
@@ -142,7 +143,7 @@ def confidence(piece: MissingPiece) -> Confidence:
 
 
 def _confidence(piece: MissingPiece) -> Confidence:
-    explained = 0.0 if piece.relief is None else float(np.clip(piece.relief.explained, 0.0, 1.0))
+    explained = _explained(piece.relief)
     around = piece.around
     outer = _wall(piece.outer, around.outer, around.axis, explained)
     astray = _all_out_of_place(piece.settling)
@@ -158,6 +159,15 @@ def _confidence(piece: MissingPiece) -> Confidence:
     if fracture is not None and fracture.n_faces:
         return Confidence(outer, inner, TriangleTree(fracture.vertices, fracture.face_vertices))
     return Confidence(outer, inner, cKDTree(np.concatenate(edges)))
+
+
+def _explained(relief: ReliefSheet | None) -> float:
+    """Share of the relief's variance that was foretold; -1 where it was drawn: two patterns that know nothing of each
+    other differ by twice their variance.
+    """
+    if relief is None:
+        return 0.0
+    return -1.0 if relief.source is ReliefSource.DRAWN else float(np.clip(relief.explained, 0.0, 1.0))
 
 
 def _all_out_of_place(settling: Settling | None) -> float:

@@ -37,7 +37,7 @@ from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
-from recon.hole_patch.wall_check import check_fracture_met, check_walls_go_on
+from recon.hole_patch.wall_check import check_fracture_met, check_fracture_unfolded, check_walls_go_on
 from recon.hole_patch.wheel_sheet import clean_wall, fit_wall, wheel_sheet
 
 __all__ = [
@@ -81,6 +81,7 @@ class Relief(StrEnum):
 
     NONE = "none"
     CONTINUE = "continue"
+    DRAW = "draw"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,8 @@ class PatchOptions:
     picks       (3, 3) points on the wall around the hole, for BOX; None lets the program find them
     pass_band   k_PB of the filter that removes the relief
     hole        number of the hole among `find_holes`, 0 the longest; None takes the longest that can be patched
-    relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL
+    relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL; DRAW does so
+                too, and where nothing on the vessel foretells the pattern draws one like it
     clearance   in millimetres, that the piece keeps from its neighbours: room for glue
     settle      whether the sherds are settled against each other first; the piece then fits them as settled
     Raises  BadOption.
@@ -115,7 +117,7 @@ class PatchOptions:
             raise BadOption("--clearance", f"must be a length in mm, not {self.clearance}")
         if self.picks is not None and self.method is not PatchMethod.BOX:
             raise BadOption("--picks", "three points drive the box; give --method box with them")
-        if self.relief is Relief.CONTINUE and self.method is PatchMethod.BOX:
+        if self.relief is not Relief.NONE and self.method is PatchMethod.BOX:
             raise BadOption("--relief", "is continued around the wheel's axis; leave --method box away")
         if self.picks is not None and self.hole is not None:
             raise BadOption("--hole", "the picks already say which hole is meant")
@@ -333,9 +335,9 @@ def _piece(
     inner, told = _bridged(around, outer, method) if bridging else _inner_sheet(around, outer, method, options)
     notes += told
     relief = None
-    if options.relief is Relief.CONTINUE and around.axis is not None:
+    if options.relief is not Relief.NONE and around.axis is not None:
         doing("continuing the relief")
-        relief = continue_relief(outer, around.outer, around.axis)
+        relief = continue_relief(outer, around.outer, around.axis, draw=options.relief is Relief.DRAW)
         outer, notes = relief.sheet, (*notes, *relief.sheet.notes)
     doing("closing the wall")
     shape = _shape(outer, inner, around, options)
@@ -411,6 +413,7 @@ def _shape(
         check_walls_go_on(outer.trimmed, inner.trimmed, around)
         thick = thick_piece(outer, inner, around.fracture, clearance=options.clearance)
         check_fracture_met(thick, around, clearance=options.clearance)
+        check_fracture_unfolded(thick)
         return thick
     return outer.trimmed if options.clearance == 0.0 else withdrawn(outer.trimmed, options.clearance)
 

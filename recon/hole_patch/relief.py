@@ -25,6 +25,7 @@ from scipy.spatial.distance import cdist
 
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
+from recon.hole_patch.relief_drawing import drawn_relief
 from recon.hole_patch.relief_map import ReliefMap, inside_polygon, relief_map
 from recon.hole_patch.relief_search import ReliefSearch, foretell, predicted
 from recon.hole_patch.sheet import Sheet
@@ -64,6 +65,7 @@ class ReliefSource(StrEnum):
 
     REGULAR = "regular"  # whole views of the wall from elsewhere: the pattern repeats
     EXEMPLAR = "exemplar"  # put together row by row or patch by patch
+    DRAWN = "drawn"  # after the pattern of the wall, which foretells nothing: not what was lost
     NONE = "none"
 
 
@@ -88,9 +90,10 @@ class ReliefSheet:
     wavelength: float | None = None
 
 
-def continue_relief(outer: Sheet, wall: Wall, axis: Axis | None) -> ReliefSheet:
+def continue_relief(outer: Sheet, wall: Wall, axis: Axis | None, *, draw: bool = False) -> ReliefSheet:
     """Continue the relief of the wall on a sheet that covers its hole.
 
+    draw      whether a pattern that nothing on the vessel foretells is drawn after that of the wall; a note says so
     Promises  the face gives way to the measured edge, on average to a few hundredths of a millimetre; where sherds or
               steep cords jump along the edge, single points are missed by more. Where the vessel has no relief around
               the hole, or none that the rest of the wall foretells, the sheet is the one given, with a note that
@@ -111,10 +114,13 @@ def continue_relief(outer: Sheet, wall: Wall, axis: Axis | None) -> ReliefSheet:
         return ReliefSheet(_noted(outer, note), ReliefSource.NONE, depth=ring.depth)
     search = ReliefSearch(ring.map, hole=ring.hole, sectors=ring.sectors)
     found = foretell(search)
+    if found.explained < LEAST_EXPLAINED and draw:
+        return _drawn(outer, wall, (chart, edge), ring, found.explained)
     if found.explained < LEAST_EXPLAINED:
         note = (
             f"No relief was continued: nothing on the vessel foretells the {ring.depth:.2f} mm of relief around the"
             f" hole (left-out parts explained to {max(found.explained, 0.0):.0%}, {LEAST_EXPLAINED:.0%} needed)."
+            " --relief draw draws a pattern like that of the wall, which is then not the one that was lost."
         )
         return ReliefSheet(_noted(outer, note), ReliefSource.NONE, explained=found.explained, depth=ring.depth)
     taught = range(search.n_sectors)
@@ -130,6 +136,24 @@ def continue_relief(outer: Sheet, wall: Wall, axis: Axis | None) -> ReliefSheet:
         found.explained,
         ring.depth,
         wavelength,
+    )
+
+
+def _drawn(outer: Sheet, wall: Wall, flat: tuple[RolledChart, Floats], ring: "_Ring", explained: float) -> ReliefSheet:
+    filled = ring.distance < BEYOND
+    height = np.where(filled, drawn_relief(ring.map, filled & (ring.hole | ~ring.map.known)), 0.0)
+    wavelength = _wavelength(height, ring.hole, ring.map.cell)
+    sheet = _with_relief(outer, wall, flat, replace(ring.map, height=height, known=filled), wavelength)
+    note = (
+        "The relief on the piece was drawn after that of the wall, which does not come back on the vessel: it looks"
+        " alike, and is not the one that was lost."
+    )
+    return ReliefSheet(
+        _noted(sheet, note),
+        ReliefSource.DRAWN,
+        explained=explained,
+        depth=ring.depth,
+        wavelength=wavelength,
     )
 
 

@@ -20,13 +20,16 @@ from recon.geometry.trimmed import ThickPiece, TrimmedSurface
 from recon.hole_patch.rim_check import LEAST_FRACTURE, NEAR, fracture_met
 from recon.hole_patch.surroundings import HoleEdge, Surroundings
 
-__all__ = ["WallFigures", "check_fracture_met", "check_walls_go_on", "wall_figures"]
+__all__ = ["WallFigures", "check_fracture_met", "check_fracture_unfolded", "check_walls_go_on", "wall_figures"]
 
 Floats = NDArray[np.float64]
 
 MOST_OFF = 0.05  # of a wall's edge; right pieces have a hundredth at most
 FOOT = 0.1  # of the vessel's height, from below
 ALONG = 200  # places along a quarter of the fracture
+FINELY = 8  # places between two knots of the fracture's wall, where folds are looked for
+DOWN = np.array([0.0, 0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98, 1.0])  # its rungs
+FOLDED = -0.5  # cosine between normals of places beside each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +92,25 @@ def check_fracture_met(piece: ThickPiece, around: Surroundings, *, clearance: fl
             f"The piece cannot be right: it meets {met:.0%} of its neighbours' fracture only ({LEAST_FRACTURE:.0%}"
             " needed). The hole's edge, or what is wall and what is fracture, was misread there."
         )
+
+
+def check_fracture_unfolded(piece: ThickPiece) -> None:
+    """Raises  NoSurface, with the place, when the fracture of a piece folds back on itself: on the side of a deep and
+    slanted foot ring its rungs run along its edge.
+    """
+    for wall in piece.wall:
+        knots = np.unique(wall.knots_u)
+        along = np.interp(np.arange(FINELY * (len(knots) - 1) + 1) / FINELY, np.arange(len(knots)), knots)
+        places = np.stack(np.meshgrid(along, DOWN, indexing="ij"), axis=-1).reshape(-1, 2)
+        normals = wall.normal(places).reshape(len(along), len(DOWN), 3)
+        turned = np.einsum("ijk,ijk->ij", normals[1:], normals[:-1])
+        if turned.min() < FOLDED:
+            i, j = np.unravel_index(int(turned.argmin()), turned.shape)
+            x, y, z = wall.point(places.reshape(len(along), len(DOWN), 2)[i, j][None])[0]
+            raise NoSurface(
+                f"The piece cannot be made: its fracture folds back on itself near ({x:.3g}, {y:.3g}, {z:.3g}), where"
+                " the edge of the hole turns too sharply for it, as it does along a deep and slanted foot ring."
+            )
 
 
 def _loop(sheet: TrimmedSurface) -> Floats:

@@ -12,7 +12,13 @@ from recon.errors import NoSurface
 from recon.geometry.trimmed import ThickPiece
 from recon.hole_patch.pipeline import MissingPiece, PatchOptions, patch_hole
 from recon.hole_patch.sample_vessel import VesselOptions, broken_vessel
-from recon.hole_patch.wall_check import WallFigures, check_fracture_met, check_walls_go_on, wall_figures
+from recon.hole_patch.wall_check import (
+    WallFigures,
+    check_fracture_met,
+    check_fracture_unfolded,
+    check_walls_go_on,
+    wall_figures,
+)
 
 OPTIONS = VesselOptions(edge=2.0, seed=3)
 GOOD = WallFigures(outer=0.02, inner=0.0, place=np.zeros(3))
@@ -58,6 +64,22 @@ def test_fracture_must_be_met_but_for_the_room_left_for_glue() -> None:
     check_fracture_met(made.shape, made.around, clearance=1.5)
     with pytest.raises(NoSurface, match="neighbours' fracture"):
         check_fracture_met(made.shape, made.around)
+
+
+def test_a_fracture_that_turns_back_is_named_with_its_place() -> None:
+    made = piece()
+    assert isinstance(made.shape, ThickPiece)
+    check_fracture_unfolded(made.shape)
+    wall = made.shape.wall[1]
+    net = wall.control_net.copy()
+    middle = len(net) // 2
+    net[middle : middle + 3] = net[middle + 2 : middle - 1 : -1]  # three control points in the wrong order
+    back = replace(wall, control_net=net)
+    with pytest.raises(NoSurface, match="folds back on itself near") as refusal:
+        check_fracture_unfolded(replace(made.shape, wall=(made.shape.wall[0], back, *made.shape.wall[2:])))
+    named = re.search(r"near \(([^)]*)\)", str(refusal.value))
+    assert named is not None
+    assert np.linalg.norm(np.array(named[1].split(", "), dtype=float) - net[middle + 1].mean(axis=0)) < 4.0
 
 
 @pytest.mark.parametrize("outside_alone", [True, False])

@@ -26,6 +26,7 @@ class Relief(StrEnum):
 
     NONE = "none"
     CONTINUE = "continue"
+    DRAW = "draw"
 
 
 @takes(WRITING, RUNNING)
@@ -62,7 +63,11 @@ def patch(
         ),
     ] = True,
     relief: Annotated[
-        Relief, typer.Option(help="continue: the pattern of the rest of the vessel goes on over the piece.")
+        Relief,
+        typer.Option(
+            help="continue: the pattern of the rest of the vessel goes on over the piece, where that foretells it;"
+            " draw: else one like it is drawn, and said so."
+        ),
     ] = Relief.NONE,
     hole: Annotated[
         str | None,
