@@ -33,7 +33,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import ConvexHull, cKDTree
 from threadpoolctl import threadpool_limits
 
-from recon.geometric_fit.foot_points import nearest_feet, walk_feet
+from recon.geometric_fit.foot_points import nearest_feet, seed_feet, surface_samples, walk_feet
 from recon.geometric_fit.guards import fairness
 from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.options import FitOptions
@@ -49,6 +49,7 @@ from recon.readers.meshes import read_mesh
 from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate
 
 ROUNDS = 6
+STARTS = 12  # samples from which the feet of far points are sought
 SIZES, SHARE = (20_000, 50_000, 134_345, 400_000, 1_000_000), 85  # bumpy balls, and their points a control point
 
 
@@ -78,8 +79,7 @@ def both_ways(scan, mesh, tree, diagonal, scheme=Scheme.LOOP):
     """Data to surface, surface to data over its area, and folds that the scan does not have."""
     share = 100.0 / diagonal
     patches = limit_patches(mesh, scheme)
-    feet = nearest_feet(patches, patches.points @ mesh.vertices, scan.vertices)
-    there = share * np.linalg.norm(feet.positions - scan.vertices, axis=1)
+    there = share * distances(patches, patches.points @ mesh.vertices, scan.vertices)
     drawn = tessellate(mesh, scheme=scheme, halvings=2, patches=patches)
     back = share * tree.closest(sample_surface(drawn.vertices, drawn.face_vertices, 60_000)).distances
     folds, known = (fold_places(m.vertices, m.face_vertices) for m in (drawn, scan))
@@ -92,6 +92,19 @@ def both_ways(scan, mesh, tree, diagonal, scheme=Scheme.LOOP):
         "stray_rms": rms(back),
         "folds": len(folds),
     }
+
+
+def distances(patches, placed, data):
+    """Of the data from the surface; those that seem far off are sought again, as a walk may end too soon."""
+    feet = nearest_feet(patches, placed, data)
+    found = np.linalg.norm(feet.positions - data, axis=1)
+    far = np.flatnonzero(found > 3.0 * rms(found))
+    starts = seed_feet(surface_samples(patches, placed), data[far], n_nearest=STARTS)
+    again = walk_feet(patches, placed, np.tile(data[far], (STARTS, 1)), starts).positions - np.tile(
+        data[far], (STARTS, 1)
+    )
+    found[far] = np.minimum(found[far], np.linalg.norm(again, axis=1).reshape(STARTS, -1).min(axis=0))
+    return found
 
 
 def row(name, scan, n_control, schemes):

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepCheck import BRepCheck_Status
-from OCP.BRepClass3d import BRepClass3d_SolidClassifier
-from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
+from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from brep_export.check_geometry import (
@@ -43,13 +42,14 @@ from brep_export.check_topology import (
     closing_defects,
     edge_polyline,
     edge_use_defects,
-    edge_uses,
     sub_shapes,
 )
 from brep_export.close_look import cut_faces_still_cut
+from brep_export.infinity import infinity_is_outside
 from brep_export.kernel_settings import KERNEL_FAILURES
 from brep_export.measures import ShapeMeasures, measure
 from brep_export.read_back import ReadBack
+from brep_export.survey import Survey, survey
 from brep_export.triangulation import ShapeTriangulation, triangulate
 from recon.errors import GateFailed
 from recon.geometry.mesh import TriangleMesh
@@ -84,6 +84,7 @@ class CheckReport:
     max_edge_angle  radians, between tangent planes along inner edges, sharp ones too
     max_smooth_edge_angle  the same along those that the shape says are smooth; None where it says so of none
     triangulation  the triangles of the shape, for pictures and mesh files
+    seen           what was fetched of the shape, for the writers
     free_edges     polylines of the edges with one face
     """
 
@@ -100,6 +101,7 @@ class CheckReport:
     triangulation: TriangleMesh | None = None
     free_edges: tuple[tuple[Point, ...], ...] = ()
     read_back: ReadBack | None = None
+    seen: Survey | None = None
 
     @property
     def passed(self) -> bool:
@@ -183,15 +185,16 @@ def check(
 
 
 def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, deflection: float | None) -> CheckReport:
-    uses = edge_uses(shape)
+    seen = survey(shape)
+    uses = seen.uses
     if not uses.faces and expect is ShapeKind.EDGE:
         return _drawn_edge(shape, tolerance)
     if not uses.faces:
         return CheckReport(expect, None, (Defect("no-face", "the shape has no faces"),))
-    measures = measure(shape)
+    measures = measure(shape, seen=seen)
     closing = closing_defects(uses)
     structure = closing + edge_use_defects(uses) + ([] if closing else _free_edge_defects(uses))
-    gaps, angles = edge_gaps(uses), edge_angles(uses)
+    gaps, angles = edge_gaps(uses), edge_angles(seen)
     fit = gap_defects(uses, gaps) + tolerance_defects(uses, shape, tolerance.fit)
     valid, invalid = kernel_defects(shape, _explained(structure + fit))
     deflection = deflection or max(1e-3 * dist(*measures.bounding_box), 1e-9)
@@ -214,6 +217,7 @@ def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, defl
         self_intersections=cuts,
         triangulation=triangles.mesh,
         free_edges=tuple(tuple(edge_polyline(edge)) for edge in free),
+        seen=seen,
     )
 
 
@@ -351,8 +355,6 @@ def _volume_mismatch(
 
 def _infinity_defects(solids: list[TopoDS_Shape]) -> list[Defect]:
     for solid in solids:
-        classifier = BRepClass3d_SolidClassifier(solid)
-        classifier.PerformInfinitePoint(1e-7)
-        if classifier.State() != TopAbs_State.TopAbs_OUT:
+        if not infinity_is_outside(solid):
             return [Defect("infinity-inside", "the point at infinity is not outside the solid")]
     return []

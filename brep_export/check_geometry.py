@@ -26,6 +26,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from brep_export.check_topology import EdgeUses, edge_polyline, sub_shapes
+from brep_export.survey import Survey
+from recon.geometry.cone_volume import surface_tangents
 from recon.geometry.promises import Defect
 
 __all__ = [
@@ -219,21 +221,49 @@ class EdgeAngles:
         return float(self.largest[self.smooth].max()) if self.smooth.any() else None
 
 
-def edge_angles(uses: EdgeUses, n: int = 7) -> EdgeAngles:
+def edge_angles(seen: Survey, n: int = 7) -> EdgeAngles:
     """Measure along every inner edge.
 
     n  samples an edge; those where a surface has no normal (the tip of a cone) are left out
     """
+    uses = seen.uses
     rows = _inner_edge_uses(uses)
     if not len(rows):
         return EdgeAngles(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=bool))
-    surfaces = {f: _surface(uses.faces[f]) for f in np.unique(uses.face[rows])}
-    one, other = (_normals(np.array([_tangents(uses, use, surfaces, n) for use in column])) for column in rows.T)
+    normals = _use_normals(seen, np.unique(rows), n)
+    one, other = (normals[column] for column in np.searchsorted(np.unique(rows), rows).T)
     sine = np.linalg.norm(_cross(one, other), axis=2)
     cosine = np.einsum("eij,eij->ei", one, other)
     angles = np.where((sine > 0.0) | (cosine != 0.0), np.arctan2(sine, cosine), 0.0)
     smooth = [_is_smooth(uses.edges[uses.edge[a]], uses.faces[uses.face[a]], uses.faces[uses.face[b]]) for a, b in rows]
     return EdgeAngles(uses.edge[rows[:, 0]], angles.max(axis=1), np.array(smooth))
+
+
+def _use_normals(seen: Survey, rows: NDArray[np.int64], n: int) -> Floats:
+    """(len(rows), n, 3) unit normals out of the body along some uses; zero where the face is not known there."""
+    uses, tangents = seen.uses, np.empty((len(rows), n, 6))
+    left = np.ones(len(rows), dtype=bool)
+    share = _shares(n)[:, None]
+    for group in seen.nets.groups:
+        place = np.searchsorted(group.faces, uses.face[rows])
+        known = group.faces[np.minimum(place, len(group.faces) - 1)] == uses.face[rows]
+        known &= seen.straight[rows]
+        left &= ~known
+        start, end = seen.ends[rows[known]].transpose(1, 0, 2)[:, :, None]
+        pair = surface_tangents((group.nets, group.degrees, group.knots), place[known], start + share * (end - start))
+        turned = np.array(
+            [uses.faces[f].Orientation() == _REVERSED for f in uses.face[rows[known]].tolist()], dtype=bool
+        )
+        pair[turned] = pair[turned][:, :, [3, 4, 5, 0, 1, 2]]
+        tangents[known] = pair
+    surfaces = {f: _surface(uses.faces[f]) for f in np.unique(uses.face[rows[left]])}
+    tangents[left] = np.array([_tangents(uses, use, surfaces, n) for use in rows[left]]).reshape(-1, n, 6)
+    return _normals(tangents)
+
+
+def _shares(n: int) -> Floats:
+    """Of an edge's range: the very ends may lie on a collapsed side, where a normal is all rounding."""
+    return 0.001 + 0.998 * np.linspace(0.0, 1.0, n)
 
 
 def _is_smooth(edge: TopoDS_Edge, one: TopoDS_Face, other: TopoDS_Face) -> bool:
@@ -276,7 +306,7 @@ def _tangents(
     surface = surfaces[int(uses.face[use])]
     if surface is None or BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) is None:
         return [(0.0,) * 6] * n
-    reverse = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    reverse = face.Orientation() == _REVERSED
     if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
         position = surface.Plane().Position()
         axes = (position.XDirection().Coord(), position.YDirection().Coord())
@@ -286,9 +316,8 @@ def _tangents(
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
     pair = (along_v, along_u) if reverse else (along_u, along_v)
     rows = []
-    for k in range(n):
-        # the very ends of an edge may lie on a collapsed side, where a normal is all rounding
-        on_face = curve.Value(first + (0.001 + 0.998 * k / (n - 1)) * (last - first))
+    for share in _shares(n).tolist():
+        on_face = curve.Value(first + share * (last - first))
         surface.D1(on_face.X(), on_face.Y(), point, along_u, along_v)
         rows.append(pair[0].Coord() + pair[1].Coord())
     return rows
@@ -309,6 +338,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
+_REVERSED = TopAbs_Orientation.TopAbs_REVERSED
 _CHECKED = (
     TopAbs_ShapeEnum.TopAbs_SOLID,
     TopAbs_ShapeEnum.TopAbs_SHELL,

@@ -11,20 +11,37 @@ from recon.geometry.promises import cutting_pairs
 
 __all__ = ["cut_faces_still_cut"]
 
-FINER = 16, 128  # times as fine as the triangles that cut
-ANGLE = 0.1
+FINER = 4, 16, 64, 256  # times as fine as the triangles that cut
+MOST = 400_000  # triangles that are looked at
 
 
 def cut_faces_still_cut(coarse: ShapeTriangulation, faces: Sequence[TopoDS_Face], deflection: float) -> bool:
-    """Whether the faces of triangles that cut each other do so with fine triangles too.
+    """Whether faces whose triangles cut each other, or themselves, do so with finer and finer triangles too.
+
+    At every fineness the chord of a curved edge may pass an inner node of a narrow face; what cuts in truth cuts at all
+    of them, so that only those faces are looked at again that still cut. The angle stays: a smaller one brings nodes
+    inside, nearer to the edges than their chords are.
 
     coarse  triangles of the shape; `triangle_face` counts the faces as given, which are in the order of a walk
     """
-    pairs = cutting_pairs(coarse.mesh)
-    numbers = np.unique(coarse.triangle_face[pairs])
-    alone = TopoDS_Compound()
-    builder = BRep_Builder()
-    builder.MakeCompound(alone)
-    for number in numbers.tolist():
-        builder.Add(alone, faces[number])
-    return all(len(cutting_pairs(triangulate(alone, deflection / times, angle=ANGLE).mesh)) > 0 for times in FINER)
+    suspects = _cutting(coarse)
+    for times in FINER:
+        fine = triangulate(_alone([faces[number] for number in suspects]), deflection / times)
+        suspects = [suspects[number] for number in _cutting(fine)]
+        if not suspects or len(fine.triangle_face) > MOST:
+            return bool(suspects)
+    return True
+
+
+def _cutting(triangles: ShapeTriangulation) -> list[int]:
+    """Faces with triangles that cut others."""
+    found: list[int] = np.unique(triangles.triangle_face[cutting_pairs(triangles.mesh)]).tolist()
+    return found
+
+
+def _alone(faces: Sequence[TopoDS_Face]) -> TopoDS_Compound:
+    compound, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(compound)
+    for face in faces:
+        builder.Add(compound, face)
+    return compound

@@ -17,7 +17,8 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from brep_export.check_geometry import edge_angles
-from brep_export.check_topology import EdgeUses, edge_polyline, edge_uses, sub_shapes
+from brep_export.check_topology import edge_polyline, sub_shapes
+from brep_export.survey import Survey, survey
 
 __all__ = ["FREE", "ShownEdges", "ShownFaces", "shown_edges", "shown_faces"]
 
@@ -89,17 +90,18 @@ def _face(face: TopoDS_Face) -> ShownFaces:
 
 def shown_edges(shape: TopoDS_Shape) -> ShownEdges:
     """Every edge of a shape; of a shape without faces all edges count as smooth, since nothing meets along them."""
-    uses = edge_uses(shape)
+    seen = survey(shape)
+    uses = seen.uses
     if not uses.faces:
         rows = [np.array(edge_polyline(TopoDS.Edge_s(e), 400)) for e in sub_shapes(shape, TopAbs_ShapeEnum.TopAbs_EDGE)]
         return _legs(rows, np.zeros(len(rows)))
     n = int(np.clip(MOST_LEGS // max(len(uses.edges), 1), 3, MOST_POINTS))
-    return _legs([np.array(edge_polyline(edge, n)) for edge in uses.edges], _angles(uses))
+    return _legs([np.array(edge_polyline(edge, n)) for edge in uses.edges], _angles(seen))
 
 
-def _angles(uses: EdgeUses) -> Floats:
+def _angles(seen: Survey) -> Floats:
     """(E,) of every edge: the largest angle along it in degrees, FREE where one face alone uses it."""
-    measured = edge_angles(uses)
+    measured, uses = edge_angles(seen), seen.uses
     angles = np.zeros(len(uses.edges))
     angles[np.bincount(uses.edge, minlength=len(angles)) == 1] = FREE
     np.maximum.at(angles, measured.edges, np.degrees(measured.largest))

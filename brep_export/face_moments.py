@@ -5,25 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from OCP.BRep import BRep_Tool
 from OCP.BRepGProp import BRepGProp, BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert, BRepGProp_VinertGK
-from OCP.Geom import Geom_BSplineSurface
 from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_Orientation
 from OCP.TopoDS import TopoDS_Face
 
-from brep_export.curves import full_knots
-from brep_export.occ_arrays import numbers_from_kernel, point_grid_from_kernel
-from brep_export.spline_cones import is_whole, spline_cone
+from brep_export.face_nets import FaceNets
+from brep_export.spline_cones import spline_cone
 from recon.geometry.cone_volume import surface_moments
 
 __all__ = ["FaceMoments", "face_moments"]
 
 Floats = NDArray[np.float64]
 AT_ONCE = 512  # surfaces, which bounds the memory
-
-_Key = tuple[int, int, bytes, bytes]
 
 
 @dataclass(frozen=True)
@@ -36,44 +31,31 @@ class FaceMoments:
     volume_moment: Floats
 
 
-def face_moments(faces: Sequence[TopoDS_Face], apex: tuple[float, float, float], relative_error: float) -> FaceMoments:
+def face_moments(
+    faces: Sequence[TopoDS_Face],
+    apex: tuple[float, float, float],
+    relative_error: float,
+    known: tuple[FaceNets, NDArray[np.bool_]],
+) -> FaceMoments:
     """Sums over the faces of one body; centres are counted from the apex.
 
     relative_error  of the volume of faces that are no B-splines, asked of the kernel's Gauss-Kronrod rule
+    known           control nets of the faces, and which of those faces are whole
     """
-    nets: dict[_Key, list[Floats]] = {}
-    signs: dict[_Key, list[float]] = {}
+    nets, whole = known
     total = np.zeros(8)
-    for face in faces:
-        surface = BRep_Tool.Surface_s(face)
-        key = _key(surface) if _is_plain(surface) and is_whole(face, surface) else None
-        if key is None:
-            total += _of_one(face, apex, relative_error)
-            continue
-        nets.setdefault(key, []).append(point_grid_from_kernel(surface.Poles()) - apex)
-        signs.setdefault(key, []).append(-1.0 if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0)
-    for key, group in nets.items():
-        degrees, knots = key[:2], (np.frombuffer(key[2]), np.frombuffer(key[3]))
-        for first in range(0, len(group), AT_ONCE):
-            found = surface_moments(np.array(group[first : first + AT_ONCE]), degrees, knots)
-            found[:, 4:] *= np.array(signs[key][first : first + AT_ONCE])[:, None]
+    for group in nets.groups:
+        rows = np.flatnonzero(whole[group.faces])
+        turned = [faces[f].Orientation() == TopAbs_Orientation.TopAbs_REVERSED for f in group.faces[rows].tolist()]
+        sign = np.where(turned, -1.0, 1.0)
+        for first in range(0, len(rows), AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            found = surface_moments(group.nets[rows[some]] - np.array(apex), group.degrees, group.knots)
+            found[:, 4:] *= sign[some, None]
             total += found.sum(axis=0)
+    for number in np.flatnonzero(~(whole & nets.grouped())).tolist():
+        total += _of_one(faces[number], apex, relative_error)
     return FaceMoments(float(total[0]), total[1:4], float(total[4]), total[5:8])
-
-
-def _is_plain(surface: object) -> bool:
-    return (
-        isinstance(surface, Geom_BSplineSurface)
-        and not (surface.IsURational() or surface.IsVRational() or surface.IsUPeriodic() or surface.IsVPeriodic())
-        and min(surface.UMultiplicity(1), surface.UMultiplicity(surface.NbUKnots())) > surface.UDegree()
-        and min(surface.VMultiplicity(1), surface.VMultiplicity(surface.NbVKnots())) > surface.VDegree()
-    )
-
-
-def _key(surface: Geom_BSplineSurface) -> _Key:
-    u = full_knots(numbers_from_kernel(surface.UKnots()), numbers_from_kernel(surface.UMultiplicities()))
-    v = full_knots(numbers_from_kernel(surface.VKnots()), numbers_from_kernel(surface.VMultiplicities()))
-    return surface.UDegree(), surface.VDegree(), u.tobytes(), v.tobytes()
 
 
 def _of_one(face: TopoDS_Face, apex: tuple[float, float, float], relative_error: float) -> Floats:

@@ -9,6 +9,7 @@ believes it; so it is measured here, densely, and written into the edge.
 """
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from math import hypot
 
 import numpy as np
@@ -155,14 +156,22 @@ def put_pcurve(
 
 
 def straight_pcurve(start: Floats, end: Floats, domain: tuple[float, float]) -> Geom2d_Curve:
-    """Straight pcurve from one (2,) parameter pair to another over `domain`; a line where it runs at unit speed."""
-    (u, v), (to_u, to_v) = (float(x) for x in start), (float(x) for x in end)
+    """Straight pcurve from one (2,) parameter pair to another over `domain`; a line where it runs at unit speed.
+
+    The same arguments bring the same curve, which nobody may change.
+    """
+    (u, v), (to_u, to_v) = start.tolist(), end.tolist()
+    return _straight_pcurve(u, v, to_u, to_v, domain)
+
+
+@lru_cache(maxsize=256)  # sides of patches over one domain run along eight lines
+def _straight_pcurve(u: float, v: float, to_u: float, to_v: float, domain: tuple[float, float]) -> Geom2d_Curve:
     way_u, way_v = to_u - u, to_v - v
     span = domain[1] - domain[0]
     length = hypot(way_u, way_v)
     if abs(length - span) > 1e-12 * span:
         knots = np.repeat(np.array(domain), 2)
-        return kernel_pcurve(BSplineCurve(1, knots, np.array([start, end])))
+        return kernel_pcurve(BSplineCurve(1, knots, np.array([(u, v), (to_u, to_v)])))
     back = domain[0] / length
     return Geom2d_Line(gp_Pnt2d(u - way_u * back, v - way_v * back), gp_Dir2d(way_u, way_v))
 

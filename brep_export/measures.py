@@ -26,6 +26,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from brep_export.check_topology import ShapeKind, sub_shapes
 from brep_export.face_moments import face_moments
+from brep_export.survey import Survey, survey
 
 __all__ = ["ShapeMeasures", "measure", "kind_of", "count"]
 
@@ -68,14 +69,18 @@ class ShapeMeasures:
         return sum(self.solid_volumes) if self.solid_volumes else None
 
 
-def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3) -> ShapeMeasures:
+def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3, seen: Survey | None = None) -> ShapeMeasures:
     """Measure a shape with the kernel's own geometry.
 
     relative_error  of the volume of faces that are no B-splines, asked of the Gauss-Kronrod rule
+    seen            the shape's survey, where that was made already
     """
     solids = list(sub_shapes(shape, _SOLID))
     by_face = any(_is_spline(TopoDS.Face_s(face)) for face in sub_shapes(shape, _FACE))
-    volumes, area, centre = (_of_faces if by_face else _of_shape)(shape, solids, relative_error)
+    if by_face:
+        volumes, area, centre = _of_faces(shape, seen or survey(shape), relative_error)
+    else:
+        volumes, area, centre = _of_shape(shape, solids, relative_error)
     return ShapeMeasures(
         kind_of(shape),
         len(solids),
@@ -106,17 +111,21 @@ def _of_shape(shape: TopoDS_Shape, solids: Sequence[TopoDS_Shape], relative_erro
     return tuple(volumes), float(of_area.Mass()), _coordinates((of_volume if solids else of_area).CentreOfMass())
 
 
-def _of_faces(shape: TopoDS_Shape, solids: Sequence[TopoDS_Shape], relative_error: float) -> _Figures:
+def _of_faces(shape: TopoDS_Shape, seen: Survey, relative_error: float) -> _Figures:
     """The same from cones over the faces of every solid, and from the faces outside all solids."""
     low, high = _rough_box(shape)
     apex = (low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2
-    bodies = [[TopoDS.Face_s(face) for face in sub_shapes(solid, _FACE)] for solid in solids]
-    loose = [TopoDS.Face_s(face) for face in sub_shapes(shape, _FACE, _SOLID)]
-    found = [face_moments(faces, apex, relative_error) for faces in (*bodies, loose)]
-    volumes = tuple(body.volume for body in found[: len(solids)])
+    whole, bodies, faces = seen.whole(), seen.uses.face_body, seen.uses.faces
+    found = []
+    for body in range(len(seen.uses.bodies)):
+        first, last = np.searchsorted(bodies, [body, body + 1]).tolist()
+        known = seen.nets.part(first, last), whole[first:last]
+        found.append(face_moments(faces[first:last], apex, relative_error, known))
+    n_solids = int(seen.uses.is_solid.sum())
+    volumes = tuple(body.volume for body in found[:n_solids])
     area = sum(body.area for body in found)
     if sum(volumes) != 0.0:
-        away = sum((body.volume_moment for body in found[: len(solids)]), np.zeros(3)) / sum(volumes)
+        away = sum((body.volume_moment for body in found[:n_solids]), np.zeros(3)) / sum(volumes)
     else:
         away = sum((body.area_moment for body in found), np.zeros(3)) / max(area, 1e-300)
     return volumes, area, (apex[0] + float(away[0]), apex[1] + float(away[1]), apex[2] + float(away[2]))

@@ -16,6 +16,7 @@ from brep_export.mesh_files import MESH_ENDINGS, write_mesh
 from brep_export.read_back import BREP_ENDINGS, IGES_ENDINGS, STEP_ENDINGS, ReadBack
 from brep_export.staging import staged
 from brep_export.step import StepSchema, write_step
+from brep_export.survey import Survey
 from recon.errors import NotWritten, ReconError, UnsupportedFormat
 from recon.geometry.mesh import TriangleMesh
 
@@ -38,7 +39,7 @@ class Consignment:
     mesh      triangles of the shape, for the mesh formats; None for one without faces
     beside    further files that belong to the same result, each with the function that writes it
     colours   (V, 4) of the mesh's vertices, for the formats that hold them
-    measures  of the shape, where they are known already
+    measures, seen  of the shape, where they are known already
     """
 
     shape: TopoDS_Shape
@@ -48,6 +49,7 @@ class Consignment:
     beside: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
     colours: NDArray[np.uint8] | None = None
     measures: ShapeMeasures | None = None
+    seen: Survey | None = None
 
 
 def write_outputs(
@@ -112,7 +114,7 @@ def _write_one(one: Consignment, place: tuple[Path, Path], *, schema: StepSchema
     ending = path.suffix.lower()
     try:
         if ending in STEP_ENDINGS:
-            return write_step(one.shape, written, header=one.header, schema=schema, measures=measures)
+            return write_step(one.shape, written, header=one.header, schema=schema, measures=measures, seen=one.seen)
         if ending in IGES_ENDINGS:
             return write_iges(one.shape, written, header=one.header, measures=measures)
         if ending in BREP_ENDINGS:

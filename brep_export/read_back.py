@@ -5,6 +5,7 @@ answers a truncated file with nothing, or with a part.  Both are found here.
 """
 
 from dataclasses import dataclass
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from re import findall, fullmatch
 
@@ -106,7 +107,8 @@ def _ends_right(tail: bytes, ending: str) -> bool:
 def _read_step(path: Path) -> TopoDS_Shape | None:
     reader = STEPControl_Reader()
     shape = _transferred(reader, path)
-    accuracies = [float(figure) for figure in findall(_STEP_ACCURACY, path.read_bytes())]
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        accuracies = [float(figure) for figure in findall(_STEP_ACCURACY, content)]
     units = texts_from_kernel(reader.FileUnits, 3)[0]
     if shape is not None and accuracies and units and units[0].lower() in _IN_MILLIMETRES:
         in_file = max(accuracies) * _IN_MILLIMETRES[units[0].lower()]

@@ -38,7 +38,7 @@ from brep_export.faces import (
 )
 from brep_export.surfaces import kernel_surface
 from recon.errors import NotManifold
-from recon.geometry.bspline import BSplineCurve, BSplineSurface
+from recon.geometry.bspline import BSplineSurface
 from recon.geometry.patches import COLLAPSED, PatchNetwork, side_curve, sides_apart
 from recon.tolerance import Tolerance
 
@@ -286,7 +286,7 @@ def _network_edge(
     uses, surfaces, vertices = made
     along = [use.forward == (use.side < 2) for use in uses]  # whether the edge runs in its side's own direction
     sides = [side_curve(network.patches[use.patch], use.side) for use in uses]
-    curves = [side if way else _reversed(side) for side, way in zip(sides, along)]
+    curves = [side if way else side.reversed() for side, way in zip(sides, along)]
     curve = curves[0]
     start, end = network.edge_vertices[e].tolist()
     edge = make_edge(kernel_curve(curve), curve.domain, (vertices[start], vertices[end]))
@@ -314,11 +314,6 @@ def _network_edge(
 
 def _turned_pair(pair: tuple[Floats, Floats], forward: bool) -> tuple[Floats, Floats]:
     return pair if forward else (pair[1], pair[0])
-
-
-def _reversed(curve: BSplineCurve) -> BSplineCurve:
-    weights = None if curve.weights is None else curve.weights[::-1]
-    return BSplineCurve(curve.degree, sum(curve.domain) - curve.knots[::-1], curve.control_points[::-1], weights)
 
 
 def _patch_face(

@@ -30,6 +30,8 @@ from brep_export.file_header import ORIGIN, FileHeader
 from brep_export.kernel_settings import KERNEL_FAILURES, exchange_settings
 from brep_export.measures import ShapeMeasures, measure
 from brep_export.read_back import ReadBack, compare, read_cad
+from brep_export.spline_step import write_spline_text
+from brep_export.survey import Survey
 from recon.errors import NotWritten
 
 __all__ = ["StepSchema", "write_step", "needs_pcurves"]
@@ -49,14 +51,27 @@ def write_step(
     header: FileHeader = FileHeader(),  # noqa: B008  (frozen)
     schema: StepSchema = StepSchema.AP214,
     measures: ShapeMeasures | None = None,
+    seen: Survey | None = None,
 ) -> ReadBack:
     """Write a shape to exactly this path, read it again, and say whether it is the same.
 
-    measures  of the shape, when they are known already
+    measures, seen  of the shape, when they are known already
     Returns   the comparison; the file stays whatever it says
     Raises    NotWritten when the kernel cannot write the shape or the file.
     """
-    measures = measures or measure(shape)
+    path, measures = Path(path), measures or measure(shape, seen=seen)
+    try:
+        plain = schema is StepSchema.AP214 and write_spline_text(shape, path, header, measures, seen)
+        if not plain:
+            _write_by_kernel(shape, path, header, schema, measures)
+    except KERNEL_FAILURES as failure:
+        raise NotWritten(str(path), f"the kernel gave up writing it ({type(failure).__name__})") from failure
+    return compare(measures, measure(read_cad(path, unit=str(header.unit))))
+
+
+def _write_by_kernel(
+    shape: TopoDS_Shape, path: Path, header: FileHeader, schema: StepSchema, measures: ShapeMeasures
+) -> None:
     settings: dict[str, str | int | float] = {
         "write.step.schema": str(schema),
         "write.step.unit": str(header.unit),
@@ -65,15 +80,10 @@ def write_step(
         "write.surfacecurve.mode": 1 if needs_pcurves(shape) else 0,
         "write.precision.mode": 1,
     }
-    try:
-        with exchange_settings(settings):
-            document = _document(shape, header, measures)
-            done = _write(document, Path(path), header)
-    except KERNEL_FAILURES as failure:
-        raise NotWritten(str(path), f"the kernel gave up writing it ({type(failure).__name__})") from failure
+    with exchange_settings(settings):
+        done = _write(_document(shape, header, measures), path, header)
     if not done:
         raise NotWritten(str(path), "the kernel could not write the file")
-    return compare(measures, measure(read_cad(path, unit=str(header.unit))))
 
 
 def _document(shape: TopoDS_Shape, header: FileHeader, measures: ShapeMeasures) -> TDocStd_Document:

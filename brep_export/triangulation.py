@@ -71,7 +71,7 @@ class _Joiner:
         self._vertex_numbers = TopTools_IndexedMapOfShape()
         TopExp.MapShapes_s(shape, _VERTEX, self._vertex_numbers)
         self._edge_numbers = TopTools_IndexedMapOfShape()
-        self._inner: dict[int, Ints] = {}
+        self._on_edges: dict[int, Ints] = {}
         self._points: list[Floats] = [np.full((self._vertex_numbers.Extent(), 3), np.nan)]
         self._n = self._vertex_numbers.Extent()
         self._triangles: list[Ints] = []
@@ -79,7 +79,7 @@ class _Joiner:
         self._n_faces = 0
 
     def add(self, face: TopoDS_Face) -> None:
-        """Number the nodes of one face and keep its triangles; those with a repeated vertex are collapsed, and go."""
+        """Number the nodes of one face and keep its triangles."""
         place = TopLoc_Location()
         nodes = BRep_Tool.Triangulation_s(face, place)
         if nodes is None or nodes.NbTriangles() == 0:
@@ -90,7 +90,6 @@ class _Joiner:
             triangles = number[_triangles(nodes) - 1]
             if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED:
                 triangles = triangles[:, ::-1]
-            triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
         self._triangles.append(triangles)
         self._n_faces += 1
 
@@ -109,15 +108,15 @@ class _Joiner:
 
     def _edge_vertices(self, edge: TopoDS_Edge, points: Floats) -> Ints:
         """Mesh vertices of the nodes along an edge; the same ones whichever face asks."""
+        known = self._on_edges.get(key := self._edge_numbers.Add(edge))
+        if known is not None and len(known) == len(points):  # another count leaves the mesh open, which the gate names
+            return known
         first = self._end(TopExp.FirstVertex_s(edge, False), points[0])
         last = self._end(TopExp.LastVertex_s(edge, False), points[-1])
         if BRep_Tool.Degenerated_s(edge):
             return np.full(len(points), first)
-        key = self._edge_numbers.Add(edge)
-        inner = self._inner.get(key)
-        if inner is None or len(inner) != len(points) - 2:  # other counts leave the mesh open, which the gate names
-            inner = self._inner[key] = self._new(points[1:-1])
-        return np.concatenate([[first], inner, [last]])
+        self._on_edges[key] = np.concatenate([[first], self._new(points[1:-1]), [last]])
+        return self._on_edges[key]
 
     def _end(self, vertex: TopoDS_Shape, point: Floats) -> int:
         if vertex.IsNull():
@@ -134,6 +133,9 @@ class _Joiner:
     def result(self, name: str) -> ShapeTriangulation:
         triangles = np.concatenate([np.empty((0, 3), dtype=np.int64), *self._triangles])
         faces = np.repeat(np.arange(len(self._triangles)), [len(t) for t in self._triangles]).astype(np.int64)
+        a, b, c = triangles.T
+        whole = (a != b) & (b != c) & (c != a)  # others are collapsed
+        triangles, faces = triangles[whole], faces[whole]
         used, renumbered = np.unique(triangles, return_inverse=True)
         mesh = TriangleMesh(np.concatenate(self._points)[used], renumbered.reshape(-1, 3), name)
         return ShapeTriangulation(mesh, faces, tuple(self._missing))

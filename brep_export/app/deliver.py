@@ -136,7 +136,16 @@ def _written(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: Bench
     with bench.phase("write", "writing and reading back"):
         read_back = write_together(
             [
-                Consignment(p.shape, p.report.triangulation, p.outputs, header, p.others, p.colours, p.report.measures)
+                Consignment(
+                    p.shape,
+                    p.report.triangulation,
+                    p.outputs,
+                    header,
+                    p.others,
+                    p.colours,
+                    p.report.measures,
+                    p.report.seen,
+                )
                 for p in parcels
             ],
             schema=StepSchema[request.get("schema", "AP214")],

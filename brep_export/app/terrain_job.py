@@ -222,14 +222,17 @@ def _scale(text: str | None) -> float:
 
 def lowest_place(network: PatchNetwork) -> float:
     """Height of the lowest place, on a grid of samples of every patch and at every vertex."""
-    from recon.numerics.bernstein import bernstein
+    from recon.numerics.bspline_basis import basis_matrix
 
     lowest = float(network.vertices[:, 2].min())
     t = np.linspace(0.0, 1.0, 5)
     for patch in network.patches:
         z = patch.control_net[..., 2]
         if z.min() < lowest:
-            lowest = min(lowest, float((bernstein(patch.degree_u, t) @ z @ bernstein(patch.degree_v, t).T).min()))
+            along = [
+                basis_matrix(k, d, t) for k, d in ((patch.knots_u, patch.degree_u), (patch.knots_v, patch.degree_v))
+            ]
+            lowest = min(lowest, float((along[1] @ (along[0] @ z).T).min()))
     return lowest
 
 

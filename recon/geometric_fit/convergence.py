@@ -37,8 +37,14 @@ class Round(NamedTuple):
     seconds: float
 
 
-def norms(distances: Floats, diagonal: float) -> Norms:
-    """Errors of distances (N,) as shares of the diagonal, in per cent."""
+def norms(distances: Floats, diagonal: float, counts: Floats | None = None) -> Norms:
+    """Errors of distances (N,) as shares of the diagonal, in per cent.
+
+    counts  (N,) for how many points each distance stands, if not for one
+    """
     share = 100.0 / diagonal
-    rms = float(np.sqrt(np.mean(distances * distances)))
-    return Norms(share * float(distances.mean()), share * rms, share * float(distances.max()))
+    if counts is not None:
+        distances, counts = distances[counts > 0], counts[counts > 0]
+    mean = float(np.average(distances, weights=counts))
+    rms = float(np.sqrt(np.average(distances * distances, weights=counts)))
+    return Norms(share * mean, share * rms, share * float(distances.max()))

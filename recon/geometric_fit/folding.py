@@ -2,7 +2,7 @@
 
 The tangent distance lets control points slide, and where the scan is sharp they slide over one another:
 
-    1. a step that would fold the surface is halved around the fold, and at last not taken there
+    1. a step that would fold the surface is halved around the fold; then a careful one is tried, and at last none
     2. the control points around are stiffer from then on (`pipeline`), so the next step is another one
     3. folds that are there already, after a refinement say, are drawn smooth bit by bit
 """
@@ -22,16 +22,19 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 HALVINGS = 3  # of a step that folds the surface
+HELD = 0.2  # of its way: what goes less is held by folds
 UNFOLDINGS, UNFOLDING = 24, 0.25  # steps that take folds out, and how far toward the mean each goes
 WIDENINGS = 2  # times that as many steps follow which move the neighbours, too, where folds are left
 
 
 class Step(NamedTuple):
-    """Control points after a step, which of them the whole step would have folded, and which are folded."""
+    """Control points after a step, and (V,) which of them the whole step would have folded, which are folded, and
+    which were held: they went less than HELD of their way."""
 
     points: Floats
     folding: Bools
     folded: Bools
+    held: Bools
 
 
 class FoldGuards(Protocol):
@@ -41,23 +44,34 @@ class FoldGuards(Protocol):
     def widened(self, control_points: Bools) -> Bools: ...
 
 
-def stepped(guards: FoldGuards, old: Floats, new: Floats) -> Step:
+def stepped(guards: FoldGuards, old: Floats, new: Floats, careful: Floats | None = None) -> Step:
     """The step, shortened where it would fold the surface.
 
-    Where halving does not help, the step is taken back with that of all neighbours: what did not fold before does not
-    fold after. What folded before may go on to move.
+    Where halving does not help, a careful move (V, 3) is tried, if there is one, and half of it; then the step is taken
+    back with that of all neighbours: what did not fold before does not fold after. What folded before may go on to
+    move.
     """
     folding = folded = guards.folded(new)
     if not folded.any():
-        return Step(new, folding, folded)
-    before, share = guards.folded(old), np.ones(len(old))
-    for number in range(2 * HALVINGS):
+        return Step(new, folding, folded, folded)
+    before, move = guards.folded(old), new - old
+    for number in range(2 * HALVINGS + 1):
         wide = guards.widened(folded & ~before)
         if not wide.any():
             break
-        share[wide] *= 0.5 if number < HALVINGS else 0.0
-        folded = guards.folded(old + share[:, None] * (new - old))
-    return Step(old + share[:, None] * (new - old), folding, folded)
+        move[wide] = _shorter(number, move[wide], None if careful is None else careful[wide])
+        folded = guards.folded(old + move)
+    held = np.linalg.norm(move, axis=1) < HELD * np.linalg.norm(new - old, axis=1)
+    return Step(old + move, folding, folded, held)
+
+
+def _shorter(number: int, move: Floats, careful: Floats | None) -> Floats:
+    """What is tried after so many attempts in vain."""
+    if number < HALVINGS:
+        return 0.5 * move
+    if careful is None or number > HALVINGS + 1:
+        return np.zeros_like(move)
+    return careful if number == HALVINGS else 0.5 * careful
 
 
 def unfolded(mesh: ControlMesh, guards: Guards) -> tuple[ControlMesh, int]:

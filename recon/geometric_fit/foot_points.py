@@ -63,6 +63,10 @@ class Places(NamedTuple):
     v: Floats | Singles
     w: Floats | Singles
 
+    def chosen(self, which: Ints | SmallInts) -> "Places":
+        """Those of the numbers `which`."""
+        return Places(self.patch[which], self.v[which], self.w[which])
+
 
 class Feet(NamedTuple):
     """A place on the surface for every data point.

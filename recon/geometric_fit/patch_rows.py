@@ -25,12 +25,14 @@ from recon.geometric_fit.tangent_distance import conjugate_gradients, held
 from recon.subdivision.evaluation import MAX_SUPPORT, N_BASIS, PatchArrays, patch_weights
 from recon.subdivision.limit_surface import LimitPatches
 
-__all__ = ["Metric", "PatchColumns", "PatchPart", "patch_columns", "patch_part", "patch_move"]
+__all__ = ["Metric", "PatchColumns", "PatchPart", "mean_move", "patch_columns", "patch_move", "patch_part"]
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ints = NDArray[np.int64]
 SmallInts = NDArray[np.int32]
+
+LIGHT = 1e-3  # of the mean over the control points: one with less answers for next to no point
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,7 @@ class PatchPart:
     normals     (n, 3) n and weights (n,) w of every row
     right       (V, 3) A^T H r, r from the feet to the points
     blocks      (V, 3, 3) of A^T H A on the diagonal
+    mass        (V,) sum of a w: what the points weigh that a control point answers for
     metric      H
     """
 
@@ -72,6 +75,7 @@ class PatchPart:
     weights: Singles
     right: Floats
     blocks: Floats
+    mass: Floats
     metric: Metric
 
     def product(self, moves: Floats) -> Floats:
@@ -105,27 +109,43 @@ def patch_part(columns: PatchColumns, feet: Feet, targets: Floats, weights: Floa
     )
     normals, weight = np.empty((n, 3), dtype=np.float32), np.empty(n, dtype=np.float32)
     right, blocks = np.zeros((matrix.shape[1], 3)), np.zeros((matrix.shape[1], 3, 3))
+    mass = np.zeros(matrix.shape[1])
     rows = (columns.starts, columns.columns, row_starts, values)
     _right_and_blocks(
-        rows, order, (targets, feet.positions, feet.normals, weights), metric, (normals, weight, right, blocks)
+        rows, order, (targets, feet.positions, feet.normals, weights), metric, (normals, weight, right, blocks, mass)
     )
-    return PatchPart(columns, row_starts, values, normals, weight, right, blocks, metric)
+    return PatchPart(columns, row_starts, values, normals, weight, right, blocks, mass, metric)
+
+
+def mean_move(parts: Sequence[PatchPart]) -> Floats:
+    """(V, 3) for each control point the mean of the residuals around it, weighted with its basis function.
+
+    Never farther than the points are off, so it hardly folds a surface. Where next to no point is, it is short.
+    """
+    mass = np.sum([part.mass for part in parts], axis=0)
+    pull = np.sum([part.right for part in parts], axis=0)
+    return np.asarray(pull / np.maximum(mass, max(LIGHT * mass.mean(), 1e-300))[:, None])
 
 
 def patch_move(
     parts: Sequence[PatchPart],
     fairness: sparse.csr_array,
+    sliding: Floats,
     control_points: Floats,
     *,
     accuracy: float,
     max_iterations: int,
 ) -> Floats:
-    """(V, 3) moves of the control points toward the points of all parts: as `tangent_distance_move`."""
+    """(V, 3) moves of the control points toward the points of all parts: as `tangent_distance_move`.
+
+    sliding  (V, 3, 3) what a move of each control point costs
+    """
     right = np.sum([part.right for part in parts], axis=0) - fairness @ control_points
-    blocks = held(np.sum([part.blocks for part in parts], axis=0), fairness)
+    blocks = held(np.sum([part.blocks for part in parts], axis=0), fairness) + sliding
 
     def applied(x: Floats) -> Floats:
-        return np.asarray(sum((part.product(x) for part in parts), start=fairness @ x))
+        own = fairness @ x + np.einsum("nij,nj->ni", sliding, x)
+        return np.asarray(sum((part.product(x) for part in parts), start=own))
 
     return conjugate_gradients(applied, right, blocks, accuracy=accuracy, max_iterations=max_iterations)
 
@@ -209,11 +229,11 @@ def _right_and_blocks(
     order: SmallInts,
     pulls: tuple[Floats, Floats, Floats, Floats],
     metric: Metric,
-    found: tuple[Singles, Singles, Floats, Floats],
+    found: tuple[Singles, Singles, Floats, Floats, Floats],
 ) -> None:  # pragma: no cover - compiled
     """Normals and weights of the rows, and the sums over them."""
     (column_starts, columns, row_starts, values), (targets, feet, unit, given) = rows, pulls
-    normals, weights, right, blocks = found
+    normals, weights, right, blocks, mass = found
     mu, at = metric.tangent, 0
     for patch in range(len(column_starts) - 1):
         first, n = column_starts[patch], column_starts[patch + 1] - column_starts[patch]
@@ -228,6 +248,7 @@ def _right_and_blocks(
             yy, yz, zz = metric.normal * y * y + mu, metric.normal * y * z, metric.normal * z * z + mu
             for k in range(n):
                 a, j = values[at + k], columns[first + k]
+                mass[j] += a * w
                 right[j, 0] += a * p
                 right[j, 1] += a * q
                 right[j, 2] += a * r

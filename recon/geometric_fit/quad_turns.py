@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recon.geometric_fit.side_walks import cosine, join, next_side, share_a_face
 from recon.geometry.control_mesh import ControlMesh
 from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 
@@ -61,43 +62,6 @@ def _wanted(sheets: Sheets, x: Floats) -> tuple[Ints, Ints]:
 
 
 @njit(cache=True)
-def _next(side: int) -> int:
-    return side - side % 4 + (side + 1) % 4
-
-
-@njit(cache=True)
-def _previous(side: int) -> int:
-    return side - side % 4 + (side + 3) % 4
-
-
-@njit(cache=True)
-def _meets(faces: Ints, side: int, vertex: int) -> bool:
-    a = side - side % 4
-    return bool(vertex in (faces[a], faces[a + 1], faces[a + 2], faces[a + 3]))
-
-
-@njit(cache=True)
-def _share_a_face(faces: Ints, across: Ints, side: int, vertex: int) -> bool:
-    """Whether a face around the start of `side` has the vertex; a border ends the walk in either direction."""
-    at = side
-    while True:
-        if _meets(faces, at, vertex):
-            return True
-        at = across[_previous(at)]
-        if at == side:
-            return False
-        if at < 0:
-            break
-    at = across[side]
-    while at >= 0:
-        at = _next(at)
-        if _meets(faces, at, vertex):
-            return True
-        at = across[at]
-    return False
-
-
-@njit(cache=True)
 def _cost(count: int, wanted: int, least: int) -> int:
     return (count - wanted) ** 2 + TOO_FEW * max(least - count, 0)
 
@@ -132,13 +96,6 @@ def _corner_normals(x: Floats, quad: tuple[int, int, int, int], out: Floats) -> 
 
 
 @njit(cache=True)
-def _cosine(one: Floats, two: Floats) -> float:
-    dot = one[0] * two[0] + one[1] * two[1] + one[2] * two[2]
-    squares = (one[0] ** 2 + one[1] ** 2 + one[2] ** 2) * (two[0] ** 2 + two[1] ** 2 + two[2] ** 2)
-    return dot / max(np.sqrt(squares), 1e-300)
-
-
-@njit(cache=True)
 def _keeps_shape(x: Floats, six: tuple[int, int, int, int, int, int], way: int) -> bool:
     """Whether the two new faces lie like the old ones and have no corner that is sharper than these had."""
     a, b, c, d, e, f = six
@@ -148,16 +105,9 @@ def _keeps_shape(x: Floats, six: tuple[int, int, int, int, int, int], way: int) 
     one, two = ((c, d, a, e), (e, f, b, c)) if way == 0 else ((d, a, e, f), (f, b, c, d))
     for quad in (one, two):
         sharpest = _corner_normals(x, quad, new)
-        if sharpest > max(SHARPEST_CORNER, worst) or _cosine(new[4], mean) < MOST_TURN:
+        if sharpest > max(SHARPEST_CORNER, worst) or cosine(new[4], mean) < MOST_TURN:
             return False
     return True
-
-
-@njit(cache=True)
-def _join(across: Ints, one: int, two: int) -> None:
-    across[one] = two
-    if two >= 0:
-        across[two] = one
 
 
 @njit(cache=True)
@@ -168,18 +118,18 @@ def _turn(faces: Ints, across: Ints, side: int, way: int) -> None:
     ring = np.empty(6, dtype=np.int64)  # sides bc cd da ae ef fb, one after the other around both faces
     at = side
     for i in range(3):
-        at = _next(at)
+        at = next_side(at, 4)
         ring[i] = at
     at = other
     for i in range(3):
-        at = _next(at)
+        at = next_side(at, 4)
         ring[3 + i] = at
     starts, beyond = faces[ring].copy(), across[ring].copy()
     for i in range(3):
         one, two = (1 + way + i) % 6, (4 + way + i) % 6
         faces[f0 + i], faces[g0 + i] = starts[one], starts[two]
-        _join(across, f0 + i, beyond[one])
-        _join(across, g0 + i, beyond[two])
+        join(across, f0 + i, beyond[one])
+        join(across, g0 + i, beyond[two])
     faces[f0 + 3], faces[g0 + 3] = starts[(4 + way) % 6], starts[(1 + way) % 6]
     across[f0 + 3], across[g0 + 3] = g0 + 3, f0 + 3
 
@@ -196,9 +146,9 @@ def _turn_all(faces: Ints, across: Ints, x: Floats, wanted: Ints, least: Ints, i
             other = across[side]
             if other < side:
                 continue
-            s1, o1 = _next(side), _next(other)
-            s2, o2 = _next(s1), _next(o1)
-            s3, o3 = _next(s2), _next(o2)
+            s1, o1 = next_side(side, 4), next_side(other, 4)
+            s2, o2 = next_side(s1, 4), next_side(o1, 4)
+            s3, o3 = next_side(s2, 4), next_side(o2, 4)
             a, b, c, d, e, f = faces[side], faces[s1], faces[s2], faces[s3], faces[o2], faces[o3]
             face, beside = side // 4, other // 4
             if beside in (across[s1] // 4, across[s2] // 4, across[s3] // 4) or face == beside:
@@ -206,7 +156,7 @@ def _turn_all(faces: Ints, across: Ints, x: Floats, wanted: Ints, least: Ints, i
             best, way = 0, -1
             for choice in range(2):
                 p, q = (c, e) if choice == 0 else (d, f)
-                if not (inside[p] or inside[q]) or _share_a_face(faces, across, s2 if choice == 0 else s3, q):
+                if not (inside[p] or inside[q]) or share_a_face(faces, across, s2 if choice == 0 else s3, q, 4):
                     continue
                 gain = _gain((a, b, p, q), counts, wanted, least)
                 if gain > best and _keeps_shape(x, (a, b, c, d, e, f), choice):

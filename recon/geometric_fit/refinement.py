@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recon.geometric_fit.side_walks import cosine, join, next_side, previous_side, share_a_face
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
 
@@ -106,37 +107,6 @@ def split_sides(mesh: ControlMesh, chosen: Ints) -> ControlMesh:
 
 
 @njit(cache=True)
-def _next(side: int) -> int:
-    return side - side % 3 + (side + 1) % 3
-
-
-@njit(cache=True)
-def _previous(side: int) -> int:
-    return side - side % 3 + (side + 2) % 3
-
-
-@njit(cache=True)
-def _are_joined(faces: Ints, across: Ints, side: int, vertex: int) -> bool:
-    """Whether an edge leads from the start of `side` to `vertex`; a border ends the walk in either direction."""
-    at = side
-    while True:
-        if faces[_next(at)] == vertex or faces[_previous(at)] == vertex:
-            return True
-        at = across[_previous(at)]
-        if at == side:
-            return False
-        if at < 0:
-            break
-    at = across[side]
-    while at >= 0:
-        at = _next(at)
-        if faces[_next(at)] == vertex or faces[_previous(at)] == vertex:
-            return True
-        at = across[at]
-    return False
-
-
-@njit(cache=True)
 def _area_vector(p: Floats, q: Floats, r: Floats) -> tuple[float, float, float]:
     ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
@@ -159,20 +129,13 @@ def _narrowest(p: Floats, q: Floats, r: Floats) -> float:
 
 
 @njit(cache=True)
-def _cosine(one: tuple[float, float, float], two: tuple[float, float, float]) -> float:
-    dot = one[0] * two[0] + one[1] * two[1] + one[2] * two[2]
-    squares = (one[0] ** 2 + one[1] ** 2 + one[2] ** 2) * (two[0] ** 2 + two[1] ** 2 + two[2] ** 2)
-    return dot / max(np.sqrt(squares), 1e-300)
-
-
-@njit(cache=True)
 def _keeps_shape(x: Floats, corners: tuple[int, int, int, int], most_turn: float, worst: float) -> bool:
     """Whether faces a d c and d b c lie like a b c and b a d did, and are no slivers."""
     a, b, c, d = x[corners[0]], x[corners[1]], x[corners[2]], x[corners[3]]
     old_one, old_two = _area_vector(a, b, c), _area_vector(b, a, d)
     new_one, new_two = _area_vector(a, d, c), _area_vector(d, b, c)
     for new in (new_one, new_two):
-        if _cosine(new, old_one) < most_turn or _cosine(new, old_two) < most_turn:
+        if cosine(new, old_one) < most_turn or cosine(new, old_two) < most_turn:
             return False
     narrow = min(_narrowest(a, b, c), _narrowest(b, a, d))
     return min(_narrowest(a, d, c), _narrowest(d, b, c)) >= min(worst, narrow)
@@ -193,13 +156,13 @@ def _flip_all(faces: Ints, across: Ints, sharp: Bools, x: Floats, passes: int, m
             other = across[side]
             if other < side or sharp[side]:
                 continue
-            a, b = faces[side], faces[_next(side)]
-            c, d = faces[_previous(side)], faces[_previous(other)]
+            a, b = faces[side], faces[next_side(side, 3)]
+            c, d = faces[previous_side(side, 3)], faces[previous_side(other, 3)]
             # sum of squares: each end goes down by one, each tip up by one
             gain = surplus[a] + surplus[b] - surplus[c] - surplus[d] - 2
             if gain <= 0 or surplus[a] <= -3 or surplus[b] <= -3 or c == d:
                 continue
-            if _are_joined(faces, across, _previous(side), d):
+            if share_a_face(faces, across, previous_side(side, 3), d, 3):
                 continue
             if not _keeps_shape(x, (a, b, c, d), most_turn, worst):
                 continue
@@ -214,27 +177,20 @@ def _flip_all(faces: Ints, across: Ints, sharp: Bools, x: Floats, passes: int, m
 
 
 @njit(cache=True)
-def _join(across: Ints, one: int, two: int) -> None:
-    across[one] = two
-    if two >= 0:
-        across[two] = one
-
-
-@njit(cache=True)
 def _flip(faces: Ints, across: Ints, sharp: Bools, side: int) -> None:
     """Faces a b c and b a d become a d c and b c d, in the same two places."""
     other = across[side]
-    bc, ca, ad, db = _next(side), _previous(side), _next(other), _previous(other)
+    bc, ca, ad, db = next_side(side, 3), previous_side(side, 3), next_side(other, 3), previous_side(other, 3)
     a, b, c, d = faces[side], faces[bc], faces[ca], faces[db]
     beyond = (across[ad], across[ca], across[bc], across[db])
     edged = (sharp[ad], sharp[ca], sharp[bc], sharp[db])
     f, g = side - side % 3, other - other % 3
     faces[f], faces[f + 1], faces[f + 2] = a, d, c
     faces[g], faces[g + 1], faces[g + 2] = b, c, d
-    _join(across, f, beyond[0])
-    _join(across, f + 2, beyond[1])
-    _join(across, g, beyond[2])
-    _join(across, g + 2, beyond[3])
+    join(across, f, beyond[0])
+    join(across, f + 2, beyond[1])
+    join(across, g, beyond[2])
+    join(across, g + 2, beyond[3])
     across[f + 1], across[g + 1] = g + 1, f + 1
     sharp[f], sharp[f + 2], sharp[g], sharp[g + 2] = edged
     sharp[f + 1] = sharp[g + 1] = False
@@ -244,7 +200,7 @@ def _flip(faces: Ints, across: Ints, sharp: Bools, side: int) -> None:
 def _longest_side(faces: Ints, x: Floats, face: int) -> int:
     best, side = -1.0, 0
     for i in range(3 * face, 3 * face + 3):
-        p, q = x[faces[i]], x[faces[_next(i)]]
+        p, q = x[faces[i]], x[faces[next_side(i, 3)]]
         length = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
         if length > best:
             best, side = length, i
@@ -285,7 +241,7 @@ def _split(faces: Ints, across: Ints, sharp: Bools, x: Floats, side: int, n_face
     """Put vertex m on an edge; faces a m c, b m d keep their places, m b c and m a d come last; the new face count."""
     other = across[side]
     f = side - side % 3
-    bc, ca = _next(side), _previous(side)
+    bc, ca = next_side(side, 3), previous_side(side, 3)
     a, b, c = faces[side], faces[bc], faces[ca]
     edge_sharp, bc_sharp, ca_sharp = sharp[side], sharp[bc], sharp[ca]
     bc_across, ca_across = across[bc], across[ca]
@@ -293,8 +249,8 @@ def _split(faces: Ints, across: Ints, sharp: Bools, x: Floats, side: int, n_face
     x[m] = 0.5 * (x[a] + x[b])
     faces[f], faces[f + 1], faces[f + 2] = a, m, c
     faces[new], faces[new + 1], faces[new + 2] = m, b, c
-    _join(across, f + 2, ca_across)
-    _join(across, new + 1, bc_across)
+    join(across, f + 2, ca_across)
+    join(across, new + 1, bc_across)
     across[f + 1], across[new + 2] = new + 2, f + 1
     across[f], across[new] = -1, -1
     sharp[f], sharp[f + 1], sharp[f + 2] = edge_sharp, False, ca_sharp
@@ -302,7 +258,7 @@ def _split(faces: Ints, across: Ints, sharp: Bools, x: Floats, side: int, n_face
     if other < 0:
         return n_faces + 1
     g = other - other % 3
-    ad, db = _next(other), _previous(other)
+    ad, db = next_side(other, 3), previous_side(other, 3)
     d = faces[db]
     ad_across, db_across, ad_sharp, db_sharp = across[ad], across[db], sharp[ad], sharp[db]
     last = new + 3
@@ -310,11 +266,11 @@ def _split(faces: Ints, across: Ints, sharp: Bools, x: Floats, side: int, n_face
         x[m] = 0.375 * (x[a] + x[b]) + 0.125 * (x[c] + x[d])
     faces[g], faces[g + 1], faces[g + 2] = b, m, d
     faces[last], faces[last + 1], faces[last + 2] = m, a, d
-    _join(across, g + 2, db_across)
-    _join(across, last + 1, ad_across)
+    join(across, g + 2, db_across)
+    join(across, last + 1, ad_across)
     across[g + 1], across[last + 2] = last + 2, g + 1
-    _join(across, f, last)
-    _join(across, new, g)
+    join(across, f, last)
+    join(across, new, g)
     sharp[g], sharp[g + 1], sharp[g + 2] = edge_sharp, False, db_sharp
     sharp[last], sharp[last + 1], sharp[last + 2] = edge_sharp, ad_sharp, False
     return n_faces + 2

@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometric_fit.scan_data import ScanData
-
 __all__ = ["GENTLE", "STEEP", "reweighed"]
 
 Floats = NDArray[np.float64]
@@ -17,14 +15,22 @@ OUTLYING = 2.5  # standard deviations from where on a point counts little, where
 
 
 def reweighed(
-    weights: Floats, scan: ScanData, distance: Floats, growth: tuple[float, float] = GENTLE, *, robust: bool
+    weights: Floats,
+    given: Floats,
+    distance: Floats,
+    counts: Floats,
+    *,
+    growth: tuple[float, float] = GENTLE,
+    robust: bool,
 ) -> Floats:
-    """(N,) the weights after a round that left points (N,) so far off: up to 37 or 145 times as large, as the largest
-    error is to fall; robust: small ones for outliers."""
-    measured = distance[: scan.n_measured]
+    """(n,) the weights after a round that left points (n,) so far off: up to 37 or 145 times those `given`, as the
+    largest error is to fall; robust: small ones for outliers.
+
+    counts  (n,) for how many measured points each stands, which say what is usual
+    """
     if robust:
-        usual = 1.4826 * float(np.median(measured))
-        return np.asarray(scan.weights / (1.0 + (distance / max(OUTLYING * usual, 1e-300)) ** 2) ** 2)
-    spread = float(np.sqrt(np.mean(measured**2)))
+        usual = 1.4826 * float(np.median(distance[counts > 0]))
+        return np.asarray(given / (1.0 + (distance / max(OUTLYING * usual, 1e-300)) ** 2) ** 2)
+    spread = float(np.sqrt(np.average(distance**2, weights=counts)))
     far = np.minimum(distance / max(growth[0] * spread, 1e-300), growth[1]) ** 2
-    return np.asarray(0.5 * weights + 0.5 * scan.weights * (1.0 + far))
+    return np.asarray(0.5 * weights + 0.5 * given * (1.0 + far))

@@ -64,6 +64,11 @@ class ScanData:
         """How many of the points were measured."""
         return len(self.measured)
 
+    @property
+    def counts(self) -> Floats:
+        """(N,) one for each point that was measured, zero for the others."""
+        return (np.arange(len(self.points)) < self.n_measured).astype(np.float64)
+
     @cached_property
     def tree(self) -> cKDTree:
         """Search tree over the points."""

@@ -199,7 +199,7 @@ class _SheetFit:
                 best = merit, net, feet
             if cycle > 0 or self._options.robust:
                 away = np.linalg.norm(feet.positions - scan.points, axis=1)
-                self._weights = reweighed(self._weights, scan, away, robust=self._options.robust)
+                self._weights = reweighed(self._weights, scan.weights, away, scan.counts, robust=self._options.robust)
         return best[1], best[2], best[0][0]
 
     def _feet(self, space: TensorSpace, net: Floats, uv: Floats) -> NetFeet:

@@ -83,10 +83,12 @@ class PatchPull(NamedTuple):
 
     parts     points that pull, each weighed with the basis functions
     fairness  (V, V) sparse energy of the control points
+    sliding   (V, 3, 3) what a move of each control point costs
     """
 
     parts: tuple[PatchPart, ...]
     fairness: sparse.csr_array
+    sliding: Floats
 
 
 class Updater:

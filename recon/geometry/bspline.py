@@ -80,6 +80,16 @@ class BSplineCurve:
         object.__setattr__(self, "knots", _checked_knots(self.knots, self.degree, len(points), "curve: knots"))
         object.__setattr__(self, "weights", _checked_weights(self.weights, (len(points),), "curve: weights"))
 
+    @classmethod
+    def of_checked(cls, degree: int, knots: Floats, control_points: Floats, weights: Floats | None) -> "BSplineCurve":
+        """A curve out of locked arrays of a surface or curve that was checked: nothing is copied or checked again."""
+        curve = object.__new__(cls)
+        for name, value in zip(
+            ("degree", "knots", "control_points", "weights"), (degree, knots, control_points, weights)
+        ):
+            object.__setattr__(curve, name, value)
+        return curve
+
     @property
     def domain(self) -> tuple[float, float]:
         return float(self.knots[0]), float(self.knots[-1])
@@ -103,9 +113,10 @@ class BSplineCurve:
 
     def reversed(self) -> "BSplineCurve":
         """The same curve over the same domain, run through the other way."""
-        first, last = self.domain
+        knots = sum(self.domain) - self.knots[::-1]
+        knots.setflags(write=False)
         weights = None if self.weights is None else self.weights[::-1]
-        return BSplineCurve(self.degree, first + (last - self.knots[::-1]), self.control_points[::-1], weights)
+        return BSplineCurve.of_checked(self.degree, knots, self.control_points[::-1], weights)
 
 
 def _rational(weighted: list[Floats], scale: list[Floats], order: int) -> Floats:

@@ -25,7 +25,7 @@ from scipy import sparse
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.numerics.bspline_basis import basis_matrix
 
-__all__ = ["cone_volume", "surface_moments", "trimmed_cone_volume"]
+__all__ = ["cone_volume", "surface_moments", "surface_tangents", "trimmed_cone_volume"]
 
 Floats = NDArray[np.float64]
 
@@ -72,6 +72,30 @@ def surface_moments(nets: Floats, degrees: tuple[int, int], knots: tuple[Floats,
     for columns, share, reach in ((np.s_[:4], area, 1.0), (np.s_[4:], cone, 0.75)):
         # the middle of a thin cone lies three quarters of the way from its apex
         found[:, columns] = np.stack([share.sum(axis=(1, 2)), *reach * np.einsum("nij,dnij->dn", share, s)], axis=1)
+    return found
+
+
+def surface_tangents(
+    surfaces: tuple[Floats, tuple[int, int], tuple[Floats, Floats]], rows: NDArray[np.int64], uv: Floats
+) -> Floats:
+    """(m, n, 6) both first derivatives of polynomial surfaces over the same knots, each at places of its own.
+
+    surfaces  their control nets (k, nu, nv, 3), degrees and knots
+    rows      (m,) numbers of surfaces
+    uv        (m, n, 2) parameter pairs
+    """
+    nets, (p, q), (knots_u, knots_v) = surfaces
+    found = np.empty((*uv.shape[:2], 6))
+    for first in range(0, len(rows), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        m, n = uv[some].shape[:2]
+        u, v = uv[some].reshape(-1, 2).T
+        at_u, along_u = (basis_matrix(knots_u, p, u, order).toarray().reshape(m, n, -1) for order in (0, 1))
+        at_v, along_v = (basis_matrix(knots_v, q, v, order).toarray().reshape(m, n, 1, -1) for order in (0, 1))
+        net = nets[rows[some]].reshape(m, nets.shape[1], -1)
+        shape = m, n, nets.shape[2], 3
+        found[some, :, :3] = (at_v @ (along_u @ net).reshape(shape))[:, :, 0]
+        found[some, :, 3:] = (along_v @ (at_u @ net).reshape(shape))[:, :, 0]
     return found
 
 

@@ -34,7 +34,8 @@ def side_curve(patch: BSplineSurface, side: int) -> BSplineCurve:
     """The boundary curve of a patch along one of its four sides, exact."""
     pick = (np.s_[:, 0], np.s_[-1, :], np.s_[:, -1], np.s_[0, :])[side]
     degree, knots = (patch.degree_u, patch.knots_u) if side in (0, 2) else (patch.degree_v, patch.knots_v)
-    return BSplineCurve(degree, knots, patch.control_net[pick], None if patch.weights is None else patch.weights[pick])
+    weights = None if patch.weights is None else patch.weights[pick]
+    return BSplineCurve.of_checked(degree, knots, patch.control_net[pick], weights)
 
 
 def sides_apart(one: BSplineCurve, other: BSplineCurve) -> float | None:

@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-FIRST_SPANS = (0.25, 0.1, 0.03, 0.01, 0.003, 0.001, 0.0003)  # tried in turn, until the angle is kept
+FIRST_SPANS = (0.25, 0.1, 0.03, 0.01, 0.003, 0.001, 3e-4, 1e-4, 3e-5, 1e-5)  # tried in turn, until the angle is kept
 UP = np.array([0.0, 0.0, 1.0])
 FOLD_SAMPLES = np.linspace(0.0, 1.0, 15)
 LEAST_AREA = 0.02  # of a plan map's Jacobian, at least so much of its greatest

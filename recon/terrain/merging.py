@@ -227,14 +227,17 @@ def is_folded(bottom: Floats, top: Floats, triangle: NDArray[np.bool_]) -> NDArr
 
 def _cross_product(quadratic: Floats, cubic: Floats) -> Floats:
     """(P, 6) Bernstein coefficients of the cross product of two plane polynomials."""
-    turned = np.stack([cubic[..., 1], -cubic[..., 0]], axis=-1)
-    return np.einsum("kij,nid,njd->nk", _PRODUCT, quadratic, turned)
+    turned = np.stack([cubic[..., 1], -cubic[..., 0]], axis=1)
+    return np.asarray((quadratic @ turned).reshape(-1, 12) @ _PRODUCT.reshape(6, 12).T)
 
 
 def _is_positive(coefficients: Floats) -> NDArray[np.bool_]:
-    least = MARGIN * np.abs(coefficients).max(axis=1, keepdims=True)
-    pieces = coefficients[:, None]
+    least = MARGIN * np.abs(coefficients).max(axis=1)
+    found = np.asarray(coefficients.min(axis=1) > least)
+    open_rows = np.flatnonzero(~found)  # coefficients of the halves lie between those of the whole
+    pieces = coefficients[open_rows, None]
     low, high = reparametrization(5, 0.0, 0.5), reparametrization(5, 0.5, 1.0)
     for _ in range(HALVINGS):
         pieces = np.concatenate([pieces @ low.T, pieces @ high.T], axis=1)
-    return (pieces > least[..., None]).all(axis=(1, 2))
+    found[open_rows] = (pieces > least[open_rows, None, None]).all(axis=(1, 2))
+    return found

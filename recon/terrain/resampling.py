@@ -33,6 +33,7 @@ OVER = 1.2  # tolerances that a curve may miss its points by once it is stiffer;
 LONGEST = 12.0  # spacings of the given points a knot span covers at most
 DENSE = 0.5  # spacings between two given points above which points are put between them
 TIGHT_REACH, TIGHTER, MOST_NAMED = 1.5, 0.2, 5  # spacings around a place where curves met; what is allowed there
+AT_ONCE = 1 << 14  # samples, which bounds the memory and keeps it near
 NEIGHBOURS = 12  # samples among which another strand is looked for
 BEND = 4.0  # two samples of one contour are on different strands when the way along it is so many times the way across
 ROOM, LEAST = 0.2, 0.02  # share of the way to another strand, and of the tolerance, that a sample may miss
@@ -175,21 +176,29 @@ def _densified(line: Floats, ring: bool, widest: float) -> tuple[Floats, Floats,
 
 def _way_to_another_strand(points: Floats, parameter: Floats, weight: Floats, contour: Ints) -> Floats:
     """(m,) distance of every sample to the nearest leg of another contour, or of another bend of its own."""
+    tree = cKDTree(points)
+    length: Floats = np.bincount(contour, weight)[contour].astype(np.float64)
+    pieces = [slice(a, a + AT_ONCE) for a in range(0, len(points), AT_ONCE)]
+    return np.concatenate([_strange_ways(piece, tree, (points, parameter, length, contour)) for piece in pieces])
+
+
+def _strange_ways(own: slice, tree: cKDTree, rows: tuple[Floats, Floats, Floats, Ints]) -> Floats:
+    """The same for some of the samples."""
+    points, parameter, length, contour = rows
     m = len(points)
-    _, near = cKDTree(points).query(points, k=min(NEIGHBOURS, m))
-    length = np.bincount(contour, weight)[contour]
-    way = np.full(m, np.inf)
+    _, near = tree.query(points[own], k=min(NEIGHBOURS, m))
+    way = np.full(len(near), np.inf)
     for begin, end in ((near, np.minimum(near + 1, m - 1)), (np.maximum(near - 1, 0), near)):
         end = np.where(contour[begin] == contour[end], end, begin)
         leg = points[end] - points[begin]
-        off = points[:, None] - points[begin]
+        off = points[own, None] - points[begin]
         share = np.einsum("mkd,mkd->mk", off, leg) / np.maximum(np.einsum("mkd,mkd->mk", leg, leg), 1e-300)
         share = np.clip(share, 0.0, 1.0)
         distance = np.linalg.norm(off - share[..., None] * leg, axis=2)
         foot = parameter[begin] + share * (parameter[end] - parameter[begin])
-        along = np.abs(foot - parameter[:, None])
-        along = np.minimum(along, np.abs(length[:, None] - along))  # an open contour's ends come to be own strand
-        strange = (contour[begin] != contour[:, None]) | (along > BEND * np.maximum(distance, 1e-12))
+        along = np.abs(foot - parameter[own, None])
+        along = np.minimum(along, np.abs(length[own, None] - along))  # an open contour's ends come to be own strand
+        strange = (contour[begin] != contour[own, None]) | (along > BEND * np.maximum(distance, 1e-12))
         way = np.minimum(way, np.where(strange, distance, np.inf).min(axis=1))
     return way
 

@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from recon.errors import BadGeometry
 from recon.geometry.contour_map import ContourMap
+from recon.numerics.bernstein import bernstein
 from recon.terrain.contour_curves import ContourCurves
 
 __all__ = ["CurvesMeet", "Frame", "NO_SEGMENT", "Tiling", "tile", "with_free_vertices"]
@@ -117,11 +118,24 @@ def tile(curves: ContourCurves, frame: Frame, free: Floats) -> Tiling:
     for _ in range(SPLITS):
         if tiling is not None and not lost.any():
             return tiling
+        _refuse_meetings(curves, np.flatnonzero(lost))
         curves = curves.split(lost)
         tiling, lost = _triangulated(curves, np.vstack([border, free]), frame)
     if tiling is not None and not lost.any():
         return tiling
     raise CurvesMeet(curves.bezier[lost].mean(axis=1), float(curves.heights[curves.contour[lost][0]]))
+
+
+def _refuse_meetings(curves: ContourCurves, lost: Ints) -> None:
+    """Raise CurvesMeet where some of the segments cross in truth, so that no halving of chords would part them."""
+    t = np.linspace(0.0, 1.0, 2**SPLITS + 1)
+    lines = bernstein(3, t) @ curves.bezier[lost]
+    legs = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 2)
+    pieces = shapely.linestrings(legs)
+    first, second = shapely.STRtree(pieces).query(pieces, predicate="crosses")
+    met = np.unique(np.r_[first, second] // 2**SPLITS)
+    if len(met):
+        raise CurvesMeet(curves.bezier[lost[met]].mean(axis=1), float(curves.heights[curves.contour[lost[met[0]]]]))
 
 
 def _border_points(taken: Floats, frame: Frame) -> Floats:
@@ -146,7 +160,9 @@ def _along(points: Floats, sides: Floats) -> list[tuple[Ints, Floats]]:
     """For every side (n, 2, 2) of the border the points on it, in order along it, and the shares at which they lie."""
     low, high = sides.min(axis=1) - ON_BORDER, sides.max(axis=1) + ON_BORDER
     boxes = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
-    point, side = boxes.query(shapely.points(points))
+    near = np.flatnonzero(_in_line_with(points, sides))
+    point, side = boxes.query(shapely.points(points[near]))
+    point = near[point]
     off, way = points[point] - sides[side, 0], sides[side, 1] - sides[side, 0]
     length = np.linalg.norm(way, axis=1)
     near = np.abs(off[:, 0] * way[:, 1] - off[:, 1] * way[:, 0]) <= ON_BORDER * length
@@ -155,6 +171,19 @@ def _along(points: Floats, sides: Floats) -> list[tuple[Ints, Floats]]:
     order = order[near[order]]
     ends = np.searchsorted(side[order], np.arange(len(sides) + 1))
     return [(point[order[a:b]], share[order[a:b]]) for a, b in pairwise(ends.tolist())]
+
+
+def _in_line_with(points: Floats, sides: Floats) -> NDArray[np.bool_]:
+    """(n,) points that may lie on a side: level with one along an axis, or anywhere where one runs aslant."""
+    level = sides[:, 0] == sides[:, 1]
+    if not level.any(axis=1).all():
+        return np.ones(len(points), dtype=bool)
+    found = np.zeros(len(points), dtype=bool)
+    for axis in (0, 1):
+        lines = np.r_[-np.inf, np.unique(sides[level[:, axis], 0, axis]), np.inf]
+        place = np.searchsorted(lines, points[:, axis])
+        found |= np.minimum(points[:, axis] - lines[place - 1], lines[place] - points[:, axis]) <= ON_BORDER
+    return found
 
 
 def _each_once(points: Floats) -> Floats:

@@ -5,7 +5,10 @@ import pytest
 from generated_mountains import mountain_contours
 from test_terrain_surface import INTERVAL, SEEDS, largest_angle
 
+from brep_export.app.terrain_job import lowest_place
 from recon.errors import BadOption
+from recon.geometry.bspline import BSplineSurface
+from recon.geometry.patches import connect
 from recon.terrain.evaluation import distances_between, edge_angles, elevations
 from recon.terrain.network import terrain_network
 from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_surface
@@ -65,3 +68,12 @@ def test_contours_of_the_ground_run_where_they_were_given(grounds):
 def test_an_angle_has_to_be_one(angle):
     with pytest.raises(BadOption, match="--angle"):
         TerrainOptions(patches=PatchKind.GREGORY, angle=angle)
+
+
+def test_the_lowest_place_is_found_on_splines_with_inner_knots():
+    knots = np.array([0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0, 1.0])
+    net = np.zeros((5, 5, 3))
+    net[..., :2] = np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0), indexing="ij"), axis=2)
+    net[2, 2, 2] = -1.0
+    pit = BSplineSurface(3, 3, knots, knots, net)
+    assert lowest_place(connect([pit], 1e-9)) == pytest.approx(pit.point([[0.5, 0.5]])[0, 2])
