@@ -99,6 +99,9 @@ def collapse_edges(
         _edge_cost(m, e, y, q, work)
         for i in range(3):
             p[i] = m.place[u, i] + y[i]
+        # another place for a face that would turn over costs more than the heap knows, and comes too early
+        if not _keeps_shape(m, ring, n_ring, p):
+            continue
         kept = _may_go(m, bound, look, h, ring, n_ring, p)
         if not kept and bound.limit[0] > 0.0 and not m.feature[u] and not m.feature[v]:
             for end in (u, v):
