@@ -50,6 +50,7 @@ Ints = NDArray[np.int64]
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
 RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
 FEWEST = 100  # control points at which no fewer are tried
+COARSEST = 0.5  # of them, or so many: a scan that is ragged still is rough, and has no edges worth fewer points
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
 FIRST_SHARP_QUADS = 0.85  # of them where edges were put back: small faces that come later fold less
 ROUNDS = 4  # before each refinement
@@ -230,7 +231,8 @@ class _Fit:
 
         The simplifier keeps what is ragged at the edges of a sharp scan, if it may; points come later.
         """
-        while count > FEWEST:
+        least = max(FEWEST, int(COARSEST * count))
+        while count > least:
             count = int(COARSER * count)
             try:
                 mesh = with_creases(initial_mesh(self._sharp.mesh, count), self._sharp, angle)
@@ -238,7 +240,7 @@ class _Fit:
                 return None
             if not _is_ragged(mesh):
                 return mesh if len(mesh.crease_edges) else None
-        return mesh if len(mesh.crease_edges) else None
+        return None
 
     def _fitted_triangles(self, count: int) -> ControlMesh:
         """The control mesh of a Loop surface: its points are where the error was, its valences even."""
