@@ -12,7 +12,8 @@ from recon.geometry.promises import cutting_pairs
 __all__ = ["cut_faces_still_cut"]
 
 FINER = 4, 16, 64, 256  # times as fine as the triangles that cut
-MOST = 400_000  # triangles that are looked at
+MOST = 600_000  # triangles that are looked at; what still cuts then cuts
+GROWTH = 4  # times as many triangles where they are four times as fine
 
 
 def cut_faces_still_cut(coarse: ShapeTriangulation, faces: Sequence[TopoDS_Face], deflection: float) -> bool:
@@ -24,13 +25,14 @@ def cut_faces_still_cut(coarse: ShapeTriangulation, faces: Sequence[TopoDS_Face]
 
     coarse  triangles of the shape; `triangle_face` counts the faces as given, which are in the order of a walk
     """
-    suspects = _cutting(coarse)
+    triangles, numbers = coarse, list(range(len(faces)))
     for times in FINER:
-        fine = triangulate(_alone([faces[number] for number in suspects]), deflection / times)
-        suspects = [suspects[number] for number in _cutting(fine)]
-        if not suspects or len(fine.triangle_face) > MOST:
-            return bool(suspects)
-    return True
+        cutting = _cutting(triangles)
+        if not cutting or GROWTH * int(np.isin(triangles.triangle_face, cutting).sum()) > MOST:
+            return bool(cutting)
+        numbers = [numbers[number] for number in cutting]
+        triangles = triangulate(_alone([faces[number] for number in numbers]), deflection / times)
+    return bool(_cutting(triangles))
 
 
 def _cutting(triangles: ShapeTriangulation) -> list[int]:

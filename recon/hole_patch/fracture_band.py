@@ -32,8 +32,10 @@ HEIGHTS = (0.25, 0.5, 0.75)  # of the way from the outer to the inner edge
 STEEPEST = np.cos(np.radians(65.0))  # between the fracture and the one without relief: what turns farther folds soon
 DAMPED = 1.0  # mm along the edge over which relief that would fold is taken back
 DAMPINGS = 12
-PROBED = np.linspace(0.0, 1.0, 9)[1:-1]  # heights at which rungs must lie between the sheets
+PROBED = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 14) / 14.0)  # heights at which rungs must lie between the sheets: at
+# sharp edges they pass through near their ends
 THROUGH = 1e-3  # mm beyond a sheet, at which a rung has passed through it
+LIFT = np.sin(np.radians(5.0))  # at which rungs leave a sheet at least where they are pushed back
 PUSHES, PUSHED = 8, 1.5  # times that it is pushed back, and by how many times as much: a little clear of the sheet
 
 # columns of a row
@@ -126,20 +128,26 @@ class FractureBand:
         through = np.linalg.norm(self._beyond(PROBED), axis=2).max(axis=1) > 0.0
         return np.asarray(through[:-1] | through[1:])
 
-    def _beyond(self, heights: Floats) -> Floats:
-        """(n, heights, 3) ways back through the sheets from points of the rungs that lie beyond them, else 0."""
+    def _beyond(self, heights: Floats, lift: float = 0.0) -> Floats:
+        """(n, heights, 3) ways back into the piece from points of the rungs that lie beyond its sheets, else 0.
+
+        lift  sine of the angle at which rungs leave the sheets at least: what lies lower has a way back, too
+        """
         back = np.zeros((len(self.rows), len(heights), 3))
         if not self.closed:
             return back
         points = np.stack([_on_rung(self.rows, height, (BEND, RELIEF)) for height in heights], axis=1)
-        for surface, uv in zip(self.surfaces, UV):
+        for surface, uv, end, own in zip(self.surfaces, UV, self.ends(), (heights < 0.5, heights > 0.5)):
             start = np.repeat(self.rows[:, uv], len(heights), axis=0)
             feet = foot_points(surface, points.reshape(-1, 3), start)
             normals = surface.normal(feet)
             above = np.einsum("ij,ij->i", points.reshape(-1, 3) - surface.point(feet), normals)
-            through = np.flatnonzero(above * np.sign(np.median(above)) < -THROUGH)
+            inward = np.sign(np.median(above))
+            least = lift * own * np.linalg.norm(points - end[:, None], axis=2)
+            short = least.ravel() - above * inward
+            through = np.flatnonzero(short > THROUGH)
             through = through[within(self.rows[:, uv], feet[through])]
-            back.reshape(-1, 3)[through] = -above[through, None] * normals[through]
+            back.reshape(-1, 3)[through] = inward * short[through, None] * normals[through]
         return back
 
     def unfolded(self) -> "FractureBand":
@@ -172,7 +180,7 @@ class FractureBand:
         nearest = np.abs(PROBED[:, None] - np.array(HEIGHTS)).argmin(axis=1)
         band = self
         for _ in range(PUSHES):
-            back = band._beyond(PROBED)
+            back = band._beyond(PROBED, LIFT)
             if not back.any():
                 break
             moved = np.zeros_like(band.bend())
