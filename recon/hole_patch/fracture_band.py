@@ -34,6 +34,7 @@ DAMPED = 1.0  # mm along the edge over which relief that would fold is taken bac
 DAMPINGS = 12
 PROBED = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 14) / 14.0)  # heights at which rungs must lie between the sheets: at
 # sharp edges they pass through near their ends
+OWN = 0.65  # of a rung's height, that is asked whether it lies beyond the sheet from which it starts
 THROUGH = 1e-3  # mm beyond a sheet, at which a rung has passed through it
 LIFT = np.sin(np.radians(5.0))  # at which rungs leave a sheet at least where they are pushed back
 PUSHES, PUSHED = 8, 1.5  # times that it is pushed back, and by how many times as much: a little clear of the sheet
@@ -137,17 +138,20 @@ class FractureBand:
         if not self.closed:
             return back
         points = np.stack([_on_rung(self.rows, height, (BEND, RELIEF)) for height in heights], axis=1)
-        for surface, uv, end, own in zip(self.surfaces, UV, self.ends(), (heights < 0.5, heights > 0.5)):
-            start = np.repeat(self.rows[:, uv], len(heights), axis=0)
-            feet = foot_points(surface, points.reshape(-1, 3), start)
+        sides = heights < OWN, heights > 1.0 - OWN
+        for surface, uv, end, side in zip(self.surfaces, UV, self.ends(), sides):
+            own = points[:, side]
+            start = np.repeat(self.rows[:, uv], own.shape[1], axis=0)
+            feet = foot_points(surface, own.reshape(-1, 3), start, accuracy=1e-6)
             normals = surface.normal(feet)
-            above = np.einsum("ij,ij->i", points.reshape(-1, 3) - surface.point(feet), normals)
+            above = np.einsum("ij,ij->i", own.reshape(-1, 3) - surface.point(feet), normals)
             inward = np.sign(np.median(above))
-            least = lift * own * np.linalg.norm(points - end[:, None], axis=2)
-            short = least.ravel() - above * inward
+            short = lift * np.linalg.norm(own - end[:, None], axis=2).ravel() - above * inward
             through = np.flatnonzero(short > THROUGH)
             through = through[within(self.rows[:, uv], feet[through])]
-            back.reshape(-1, 3)[through] = inward * short[through, None] * normals[through]
+            way = np.zeros_like(normals)
+            way[through] = inward * short[through, None] * normals[through]
+            back[:, side] += way.reshape(own.shape)
         return back
 
     def unfolded(self) -> "FractureBand":
