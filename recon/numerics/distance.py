@@ -1,27 +1,25 @@
 """Distances between points and triangle meshes, exact to rounding, for many points at once.
 
-A tree of boxes over the triangles is walked for all points together, one level a step. A pair (point, box) is
-dropped when the box is farther than the nearest triangle point known so far, so nothing nearer can be lost, whatever
-the shape of the triangles:
+A tree of boxes over the triangles is walked down for every point, the nearer child first. A box is passed by when it is
+farther than the nearest triangle so far, so nothing nearer can be lost, whatever the shape of the triangles:
 
-    level 0   [                   all                    ]
-    level 1   [ quarter ][ quarter ][ quarter ][ quarter ]
-    ...
-    leaves    [t t t][t t t] ...           equally many triangles each; some appear twice to fill up
+    p   .            ______________
+         \\ best    |  ____   ____ |      points mostly come in rows along a surface: what was nearest to the last
+          \\       | |box1| |box2||      one is the first guess for the next
+           '-t     |  '--'   '--' |
 
-Boxes are turned to the principal axes of what they hold. Upright ones would do for points near the mesh, but from afar
-a slanting patch looks one box nearer than it is, and a hundred times as many triangles had to be measured.
-
-p      query point             frame   three unit rows, the axes of a box
-a b c  corners of a triangle   low, high  range of the box along each axis
-best   squared distance to the nearest triangle point known so far
+p      query point
+a b c  corners of a triangle
+best   squared distance to the nearest triangle so far
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+
+from recon.numerics.box_tree import DEEPEST, box_tree, near_order
 
 __all__ = [
     "Closest",
@@ -37,11 +35,6 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Surface = tuple[Floats, Ints]
-
-LEAF = 6  # triangles a leaf, at most about this many; measured: 4 to 8 are equally fast
-CHUNK = 1 << 14  # points a walk: keeps the pairs of a walk in the cache, and bounds the memory
-MIN_SEEDS = 20_000  # first guesses, at least about this many: few large triangles need several each
-PAIRS = 1 << 19  # pairs a walk may grow to before its points are halved
 
 
 class Closest(NamedTuple):
@@ -68,44 +61,97 @@ class TriangleTree:
             raise ValueError("a tree over no triangles has no nearest point")
         # Products of map coordinates lose what their differences keep: work about the centre.
         self._centre = vertices[faces].mean(axis=(0, 1))
-        self._corners = (vertices - self._centre)[faces]
-        self._order = _tree_order(self._corners)
-        self._levels = _box_levels(self._corners[self._order].reshape(len(self._order), -1, 3))
-        self._normals = _unit_normals(self._corners)
-        seeds, self._seed_face = _seeds(self._corners)
-        self._seed_tree = cKDTree(seeds)
+        corners = (vertices - self._centre)[faces]
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        self._order = near_order(low, high)
+        self._corners = corners[self._order]
+        self._tree = box_tree(low[self._order], high[self._order])
 
     def closest(self, points: Floats) -> Closest:
         """Nearest point of the mesh to every one of `points` (n, 3), exact to rounding."""
-        starts = range(0, max(len(points), 1), CHUNK)
-        found = _joined([self._walk(points[i : i + CHUNK] - self._centre) for i in starts])
-        return found._replace(points=found.points + self._centre)
+        own = np.asarray(points, dtype=np.float64).reshape(-1, 3) - self._centre
+        row = _nearest(own, self._corners, self._order, self._tree)
+        place, squared = nearest_on_triangles(own, self._corners[row])
+        return Closest(place + self._centre, np.sqrt(squared), self._order[row])
 
-    def _walk(self, points: Floats) -> Closest:
-        face = self._seed_face[self._seed_tree.query(points)[1]]
-        place, best = nearest_on_triangles(points, self._corners[face])
-        query, node = np.arange(len(points)), np.zeros(len(points), dtype=np.int64)
-        for level in self._levels[1:]:
-            query, node = np.repeat(query, 4), (4 * node[:, None] + np.arange(4)).ravel()
-            near = level.squared_distance(points[query], node) < best[query]
-            query, node = query[near], node[near]
-            if len(query) > PAIRS and len(points) > 1:
-                half = len(points) // 2
-                return _joined([self._walk(points[:half]), self._walk(points[half:])])
-        query, triangle = self._triangles_near(points, best, query=query, node=node)
-        candidate, squared = nearest_on_triangles(points[query], self._corners[triangle])
-        order = np.lexsort((squared, query))
-        first = order[np.diff(query[order], prepend=-1) > 0]
-        first = first[squared[first] < best[query[first]]]
-        place[query[first]], best[query[first]], face[query[first]] = candidate[first], squared[first], triangle[first]
-        return Closest(place, np.sqrt(best), face)
 
-    def _triangles_near(self, points: Floats, best: Floats, *, query: Ints, node: Ints) -> tuple[Ints, Ints]:
-        """Pairs (point, triangle) in the leaves reached, without triangles whose plane alone is too far."""
-        query, triangle = np.repeat(query, self._order.shape[1]), self._order[node].ravel()
-        height = _dot(points[query] - self._corners[triangle, 0], self._normals[triangle])
-        near = height**2 <= best[query]
-        return query[near], triangle[near]
+@njit(cache=True)
+def _nearest(points: Floats, corners: Floats, number: Ints, tree: Floats) -> Ints:  # pragma: no cover - compiled
+    """(n,) rows of the triangles (F, 3, 3), in the order of the tree's leaves, that are nearest to points (n, 3).
+
+    number  (F,) of the triangles: of several equally near the one with the least is taken, whatever was asked before
+    """
+    n = len(tree) // 2
+    found = np.empty(len(points), dtype=np.int64)
+    waiting, least = np.empty(2 * DEEPEST, dtype=np.int64), np.empty(2 * DEEPEST)
+    row = 0
+    for i in range(len(points)):
+        p = points[i]
+        best = _triangle_squared(p, corners[row])
+        waiting[0], least[0], left = 1, 0.0, 1
+        while left > 0:
+            left -= 1
+            node = waiting[left]
+            if least[left] > best:
+                continue
+            if node >= n:
+                squared = _triangle_squared(p, corners[node - n])
+                if squared < best or (squared == best and number[node - n] < number[row]):
+                    best, row = squared, node - n
+                continue
+            one, other = _box_squared(p, tree[2 * node]), _box_squared(p, tree[2 * node + 1])
+            near = 0 if one <= other else 1
+            if max(one, other) <= best:
+                waiting[left], least[left] = 2 * node + 1 - near, max(one, other)
+                left += 1
+            if min(one, other) <= best:
+                waiting[left], least[left] = 2 * node + near, min(one, other)
+                left += 1
+        found[i] = row
+    return found
+
+
+@njit(cache=True)
+def _box_squared(p: Floats, box: Floats) -> float:  # pragma: no cover - compiled
+    """Squared distance from a point to a box (low, -high); infinite where the box holds nothing."""
+    total = 0.0
+    for k in range(3):
+        total += max(max(box[k] - p[k], p[k] + box[3 + k]), 0.0) ** 2
+    return total
+
+
+@njit(cache=True)
+def _triangle_squared(p: Floats, corners: Floats) -> float:  # pragma: no cover - compiled
+    """Squared distance from a point to a triangle (3, 3), as of `nearest_on_triangles`."""
+    squared = np.inf
+    for k in range(3):
+        squared = min(squared, _segment_squared(p, corners[k], corners[(k + 1) % 3]))
+    bb, bc, cc, pb, pc = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(3):
+        b, c, d = corners[1, k] - corners[0, k], corners[2, k] - corners[0, k], p[k] - corners[0, k]
+        bb, bc, cc, pb, pc = bb + b * b, bc + b * c, cc + c * c, pb + d * b, pc + d * c
+    area, v, w = bb * cc - bc * bc, cc * pb - bc * pc, bb * pc - bc * pb
+    if v > 0.0 and w > 0.0 and v + w < area:
+        v, w = v / area, w / area
+        total = 0.0
+        for k in range(3):
+            a = corners[0, k]
+            total += (p[k] - a - v * (corners[1, k] - a) - w * (corners[2, k] - a)) ** 2
+        squared = min(squared, total)
+    return squared
+
+
+@njit(cache=True)
+def _segment_squared(p: Floats, start: Floats, end: Floats) -> float:  # pragma: no cover - compiled
+    length, along = 0.0, 0.0
+    for k in range(3):
+        length += (end[k] - start[k]) ** 2
+        along += (p[k] - start[k]) * (end[k] - start[k])
+    t = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+    total = 0.0
+    for k in range(3):
+        total += (p[k] - start[k] - t * (end[k] - start[k])) ** 2
+    return total
 
 
 def closest_points(points: Floats, vertices: Floats, faces: Ints) -> Closest:
@@ -153,81 +199,6 @@ def _foot_in_plane(points: Floats, a: Floats, ab: Floats, ac: Floats) -> tuple[F
 
 def _dot(a: Floats, b: Floats) -> Floats:
     return np.einsum("ij,ij->i", a, b)
-
-
-class _Level(NamedTuple):
-    """The turned boxes of one level of the tree: frame (n, 3, 3), low and high (n, 3)."""
-
-    frame: Floats
-    low: Floats
-    high: Floats
-
-    def squared_distance(self, points: Floats, node: Ints) -> Floats:
-        """(m,) squared distance of point i to box node[i], zero inside."""
-        turned = np.einsum("ijk,ik->ij", self.frame[node], points)
-        outside = np.maximum(np.maximum(self.low[node] - turned, turned - self.high[node]), 0.0)
-        return _dot(outside, outside)
-
-
-def _tree_order(corners: Floats) -> Ints:
-    """(4^L, leaf) triangle numbers block by block: halved at the median of the longest axis, twice a level."""
-    n = len(corners)
-    levels = max(0, int(np.ceil(np.log2(max(n / LEAF, 1.0)) / 2)))
-    order = np.arange(4**levels * -(-n // 4**levels))[None, :] % n
-    middle = corners.sum(axis=1)
-    for _ in range(2 * levels):
-        points = middle[order]
-        axis = np.ptp(points, axis=1).argmax(axis=1)
-        keys = np.take_along_axis(points, axis[:, None, None], axis=2)[:, :, 0]
-        half = order.shape[1] // 2
-        order = np.take_along_axis(order, np.argpartition(keys, half, axis=1), axis=1).reshape(-1, half)
-    return order
-
-
-def _box_levels(corners: Floats) -> list[_Level]:
-    """Boxes of every level, the root first, around the corners (4^L, points a leaf, 3)."""
-    levels: list[_Level] = []
-    blocks = corners
-    while True:
-        middle = blocks.mean(axis=1, keepdims=True)
-        spread = blocks - middle
-        frame = np.linalg.eigh(spread.transpose(0, 2, 1) @ spread)[1].transpose(0, 2, 1)
-        turned = spread @ frame.transpose(0, 2, 1)
-        at = np.einsum("ijk,ik->ij", frame, middle[:, 0])
-        levels.insert(0, _Level(frame, at + turned.min(axis=1), at + turned.max(axis=1)))
-        if len(blocks) == 1:
-            return levels
-        blocks = blocks.reshape(len(blocks) // 4, -1, 3)
-
-
-def _unit_normals(corners: Floats) -> Floats:
-    """(F, 3) unit normals; zero, which excludes nothing, for triangles too thin to have one."""
-    a, b, c = corners.transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    size = np.maximum(_dot(b - a, b - a), _dot(c - a, c - a))[:, None]
-    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 1e-3 * size)
-
-
-def _seeds(corners: Floats) -> tuple[Floats, Ints]:
-    """Points on the triangles, and the triangle of each: one on a usual triangle, many along a long one.
-
-    They give the walk its first bound; the nearer it is, the less is walked.
-    """
-    side = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-    shortest = side.argmin(axis=1)
-    row = np.arange(len(corners))
-    middle = 0.5 * (corners[row, shortest] + corners[row, (shortest + 1) % 3])
-    length = side.max(axis=1)
-    spacing = max(float(length.sum()) / max(2 * len(corners), MIN_SEEDS), 1e-300)
-    count = np.maximum(np.ceil(length / (2.0 * spacing)), 1.0).astype(np.int64)
-    face = np.repeat(row, count)
-    t = (np.arange(len(face)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[face]
-    return middle[face] + t[:, None] * (corners[face, (shortest[face] + 2) % 3] - middle[face]), face
-
-
-def _joined(parts: list[Closest]) -> Closest:
-    return Closest(*(np.concatenate(column) for column in zip(*parts)))
 
 
 class Deviation(NamedTuple):

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from recon.errors import Refusal
 from recon.numerics.closed_mesh import opposite_halfedges
-from recon.numerics.distance import sample_surface
+from recon.numerics.distance import closest_points, sample_surface
 from recon.numerics.quadrics import vertex_quadrics
 from recon.numerics.self_intersection import crossing_triangles
 from recon.voxel_mesh.cell_lookup import CellLookup, cell_lookup, surface_distances
@@ -21,7 +21,6 @@ from recon.voxel_mesh.edge_collapse import collapse_edges, collapse_mesh
 from recon.voxel_mesh.edge_heap import edge_heap
 from recon.voxel_mesh.error_bound import face_bound, no_bound
 from recon.voxel_mesh.marching_cubes import GridSurface
-from recon.voxel_mesh.near_faces import distances_from
 
 __all__ = ["Goal", "Simplified", "simplified"]
 
@@ -122,7 +121,7 @@ def _verified(
     _, cuts = crossing_triangles(*one)
     there = sample_surface(surface.vertices, surface.face_vertices, 2 * PROBES)
     back = np.concatenate([sample_surface(*one, PROBES), one[0]])
-    errors = np.concatenate([distances_from(there, *one), surface_distances(look, back)])
+    errors = np.concatenate([closest_points(there, *one).distances, surface_distances(look, back)])
     if tolerance is None:
         return errors, cuts
     beyond = np.concatenate([there, back])[errors > tolerance]

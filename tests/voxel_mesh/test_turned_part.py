@@ -46,7 +46,9 @@ def test_a_vase_comes_back_with_its_axis_its_caps_and_its_belly():
     assert sorted(abs(p.start[1] + shift) for p in caps) == pytest.approx([25.0, 25.0], abs=0.15)
     r, z = bellies[0].curve.point(np.linspace(*bellies[0].curve.domain, 50)).T
     side = np.sign(part.axis @ TURN[:, 2])
-    assert np.abs(r - 14.0 - 4.0 * np.sin(side * (z + shift) / 5.0)).max() < 0.5  # what the grid leaves open
+    off = np.abs(r - 14.0 - 4.0 * np.sin(side * (z + shift) / 5.0))
+    assert off.max() < 0.5  # what the grid leaves open; it is used up at the sharp rims alone
+    assert np.median(off) < 0.1
 
 
 @pytest.mark.parametrize("grid", [block_with_hole(40), ball(30, 11.0)], ids=["block", "ball"])
