@@ -25,7 +25,7 @@ from recon.hole_patch.surroundings import Axis, Wall
 from recon.hole_patch.wheel_sheet import ASTRAY, WallFit, even_edge, fit_any_wall, loop_length, sheet_of_fit, unchipped
 from recon.numerics.foot_points import foot_points
 
-__all__ = ["bridged_sheet", "fit_bridged"]
+__all__ = ["bridged_sheet"]
 
 Floats = NDArray[np.float64]
 
@@ -42,28 +42,20 @@ def bridged_sheet(wall: Wall, axis: Axis, outer: Sheet, *, n_curves: int = 4) ->
     Raises    NoSurface when what stands off lies under the wall: that is fracture which was taken for wall; and where
               the wall gives no profile or no ring.
     """
-    fit = fit_bridged(wall, axis)
-    _check_swollen(fit, outer)
-    return sheet_of_fit(fit, n_curves=n_curves)
-
-
-def fit_bridged(wall: Wall, axis: Axis) -> WallFit:
-    """What is known of an inner wall, with the stand-off of its edge carried over the hole.
-
-    Raises  NoSurface where the wall gives no profile or no ring.
-    """
     fit = fit_any_wall(wall, axis)
+    _check_swollen(fit, outer)
     left, measured = fit.left(), fit.wall.edge.sherds >= 0
     sound = unchipped(left, loop_length(fit.wall.edge.points), measured, fit.unit)
     edge = even_edge(fit.edge, left, sound)[::EVERY]
     spread = RBFInterpolator(fit.chart.unfolded(edge[:, :2]), edge[:, 2], kernel="linear")
-    return replace(fit, sound=sound, bridge=lambda uv: spread(fit.chart.unfolded(uv)))
+    carried = replace(fit, sound=sound, bridge=lambda uv: spread(fit.chart.unfolded(uv)))
+    return sheet_of_fit(carried, n_curves=n_curves)
 
 
 def _check_swollen(fit: WallFit, outer: Sheet) -> None:
-    measured = fit.wall.edge.sherds >= 0
-    stand_off = fit.edge[:, 2] - fit.residual.at(fit.edge[:, :2])
-    astray = np.abs(stand_off - np.median(stand_off[measured])) > ASTRAY
+    """Raises  NoSurface where much of the edge stands off and the wall is thinner there: it lies in the fracture."""
+    measured, left = fit.wall.edge.sherds >= 0, fit.left()
+    astray = np.abs(left - np.median(left[measured])) > ASTRAY
     points, surface = fit.wall.edge.points * fit.unit, outer.trimmed.surface
     thickness = np.linalg.norm(surface.point(foot_points(surface, points)) - points, axis=1)
     thin = measured & astray & (thickness < THIN * np.median(thickness[measured]))

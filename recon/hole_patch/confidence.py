@@ -34,7 +34,6 @@ from threadpoolctl import threadpool_limits
 from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
-from recon.hole_patch.bridged_wall import fit_bridged
 from recon.hole_patch.fitting import SAMPLE_RADIUS, edge_samples, fit_surface
 from recon.hole_patch.pipeline import MissingPiece
 from recon.hole_patch.relief import ReliefSheet, ReliefSource
@@ -200,9 +199,9 @@ class _Edge:
 def _wall(sheet: Sheet, wall: Wall, axis: Axis | None, explained: float) -> WallConfidence:
     if sheet.box_angle_deg is not None or axis is None:
         return _boxed(sheet, wall)
-    fit = fit_any_wall(wall, axis) if sheet.bridged else fit_wall(wall, axis)
-    # a bridged wall is known no better inside than its edge stands off from the wheel
-    sound = fit_bridged(wall, axis).sound if sheet.bridged else fit.sound
+    fit = fit_any_wall(wall, axis)
+    # a bridged wall was drawn to points far off, too, and is known no better inside than they are near
+    sound = fit.sound if sheet.sound is None else sheet.sound
     left = fit.ring.distance - fit.residual.at(fit.ring.chart)
     fits = [_stand_off(other, sheet) for other in _fits_without(wall, axis, fit)]
     return WallConfidence(

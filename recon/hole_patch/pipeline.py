@@ -276,7 +276,9 @@ def _attempt(number: int, found: HolesFound, options: PatchOptions, doing: Calla
 
 
 def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], None]) -> Iterator[MissingPiece]:
-    """A piece for each reading of the walls that differs from those before, the likeliest first."""
+    """A piece for each reading of the walls that differs from those before, the likeliest first; last, with its inner
+    wall bridged, for those that gave none.
+    """
     near = None if options.picks is None else options.picks.mean(axis=0)
     first = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
     refused: list[tuple[Surroundings, int]] = []
@@ -320,9 +322,11 @@ def _piece(
     *,
     bridging: bool = False,
 ) -> MissingPiece:
-    """
+    """What one reading of the walls gives.
+
+    misread   number of faces that were taken for fracture in it
     bridging  whether swellings at the edge of the inner wall are taken for wall, and bridged
-    Raises    NoSurface also where bridging is asked for and there is nothing to bridge.
+    Raises    NoHole, NoSurface, NoWall, BadGeometry; NoSurface also where there is no inner wall to bridge.
     """
     method, notes = _road(around, options)
     if misread:

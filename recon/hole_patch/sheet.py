@@ -29,7 +29,6 @@ class Sheet:
     lip            v of the lip's tip where the sheet runs over it from the outer wall to the inner one, else None
     sound          (m,) which points of the hole's edge the face was drawn to, neither bridges nor chips; None where it
                    was not drawn to the edge
-    bridged        whether it was carried over the hole from edge to edge, and no wheel told where it lies
     notes          sentences for the report about anything that was done differently than asked
     """
 
@@ -42,7 +41,6 @@ class Sheet:
     rejected: float = 0.0
     lip: float | None = None
     sound: NDArray[np.bool_] | None = None
-    bridged: bool = False
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:

@@ -187,7 +187,6 @@ def _sheet_in_units(fit: WallFit, n_curves: int) -> Sheet:
         rejected=rejected,
         lip=lip,
         sound=sound,
-        bridged=fit.bridge is not None,
         notes=_notes(measured, sound),
     )
 
