@@ -5,6 +5,7 @@
     t_0 ... t_n       knots; three more on either side make them `padded`, so that t_j is padded[j + 3]
     h_j               width of the span from t_j to t_j+1
     c_j ... c_j+3     coefficients of span j, counted round on a ring
+    ends              first and second derivative that an open spline has at its first and last point, where they are given
 
 The normal equations have three diagonals beside the main one, and three unknowns more that close a ring: a Cholesky
 factor of the band, with those three as its border, costs a fixed time a knot.
@@ -16,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["bezier_segments", "fitted_coefficients", "fitted_knots", "worst_misses"]
+__all__ = ["FREE_ENDS", "bezier_segments", "fitted_coefficients", "fitted_knots", "worst_misses"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -24,24 +25,31 @@ Bools = NDArray[np.bool_]
 GRADING = 2.001  # times the width of its neighbours that a span may have
 WAY = 0.4  # of the way to its neighbours that a parameter moves in a step at most
 MOST_ROUNDS = 14
+FREE_ENDS = np.full((2, 2, 2), np.nan)
 
 
 @njit(cache=True)
 def fitted_knots(
-    rows: tuple[Floats, Floats, Floats, Floats, Bools], knots: Floats, ring: bool, stiffness: float, shortest: float
+    rows: tuple[Floats, Floats, Floats, Floats, Bools],
+    knots: Floats,
+    ring: bool,
+    stiffness: float,
+    shortest: float,
+    ends: Floats,
 ) -> tuple[Floats, Floats]:
     """Knots with spans halved until the spline misses no point by more than it may, and the points' new parameters.
 
     rows       (m, 2) points; (m,) length that each stands for, its parameter, how far the spline may stay from it,
                and whether its parameter is kept
-    knots      (n + 1,) to begin with, six spans at least on a ring
+    knots      (n + 1,) to begin with, six spans at least on a ring, three with given ends
     shortest   span that is halved, in what its points may miss
+    ends       (2, 2, 2) as for `fitted_coefficients`
     """
     points, weight, parameter, allowed, fixed = rows
     s = parameter
     for _ in range(MOST_ROUNDS):
         padded = _padded(knots, ring)
-        coefficients = fitted_coefficients(points, weight, s, knots, ring, np.full(len(knots) - 1, stiffness))
+        coefficients = fitted_coefficients(points, weight, s, knots, ring, np.full(len(knots) - 1, stiffness), ends)
         s, distance = _slid(points, s, fixed, padded, coefficients, ring)
         halved = _halved(knots, ring, _too_far(s, distance, allowed, padded, shortest))
         if len(halved) == len(knots):
@@ -52,11 +60,13 @@ def fitted_knots(
 
 @njit(cache=True)
 def fitted_coefficients(
-    points: Floats, weight: Floats, parameter: Floats, knots: Floats, ring: bool, stiffness: Floats
+    points: Floats, weight: Floats, parameter: Floats, knots: Floats, ring: bool, stiffness: Floats, ends: Floats
 ) -> Floats:
     """(k, 2) coefficients of the spline that fits best; those at the ends of an open one are its first and last point.
 
     stiffness  (n,) of every span, as a share of its width
+    ends       (2, 2, 2) at the first and the last point the derivative of an open spline and its second one, NaN where
+               they are free
     """
     padded = _padded(knots, ring)
     n = len(knots) - 1 if ring else len(knots) + 2
@@ -76,7 +86,7 @@ def fitted_coefficients(
     _stiffen(band, padded, stiffness)
     if ring:
         return _solved_ring(band, right)
-    return _solved_open(band, right, points)
+    return _solved_open(band, right, _end_coefficients(points, padded, ends))
 
 
 @njit(cache=True)
@@ -202,21 +212,53 @@ def _stiffen(band: Floats, padded: Floats, stiffness: Floats) -> None:
 
 
 @njit(cache=True)
-def _solved_open(band: Floats, right: Floats, points: Floats) -> Floats:
-    """Solution with the first and the last point as its first and last row."""
+def _end_coefficients(points: Floats, padded: Floats, ends: Floats) -> Floats:
+    """(2, 3, 2) the three coefficients at either end, counted from there; NaN where they are not told."""
+    out = np.full((2, 3, 2), np.nan)
+    for end in range(2):
+        way = 1.0 - 2.0 * end
+        k = 3 if end == 0 else len(padded) - 5
+        near = padded[k + 1] - padded[k]
+        next_one = padded[k + 2] - padded[k + 1] if end == 0 else padded[k] - padded[k - 1]
+        for c in range(2):
+            slope, bend = way * ends[end, 0, c], ends[end, 1, c]
+            out[end, 0, c] = points[0 if end == 0 else len(points) - 1, c]
+            out[end, 1, c] = out[end, 0, c] + near / 3 * slope
+            out[end, 2, c] = out[end, 1, c] + (near + next_one) / 3 * (slope + near / 2 * bend)
+    return out
+
+
+@njit(cache=True)
+def _solved_open(band: Floats, right: Floats, ends: Floats) -> Floats:
+    """Solution with its first and last rows as given in `ends` (2, 3, 2), as far as those are told."""
     n = len(band)
-    for c in range(2):
-        first, last = points[0, c], points[len(points) - 1, c]
-        for k in range(1, min(4, n)):
-            right[k, c] -= band[0, k] * first
-        for k in range(1, min(4, n)):
-            right[n - 1 - k, c] -= band[n - 1 - k, k] * last
-        right[0, c], right[n - 1, c] = first, last
-    for k in range(1, min(4, n)):
-        band[0, k] = band[n - 1 - k, k] = 0.0
-    band[0, 0] = band[n - 1, 0] = 1.0
+    held = np.zeros(n, dtype=np.bool_)
+    for end in range(2):
+        for k in range(3):
+            row = k if end == 0 else n - 1 - k
+            if np.isfinite(ends[end, k, 0]) and not held[row]:
+                held[row] = True
+                _hold(band, right, row, ends[end, k])
     _solve_band(band, right)
     return right
+
+
+@njit(cache=True)
+def _hold(band: Floats, right: Floats, row: int, value: Floats) -> None:
+    """Make the row of a symmetric band say that its unknown is `value`, and bring that to the other rows."""
+    n = len(band)
+    for k in range(1, 4):
+        for c in range(2):
+            if row + k < n:
+                right[row + k, c] -= band[row, k] * value[c]
+            if row - k >= 0:
+                right[row - k, c] -= band[row - k, k] * value[c]
+        band[row, k] = 0.0
+        if row - k >= 0:
+            band[row - k, k] = 0.0
+    band[row, 0] = 1.0
+    for c in range(2):
+        right[row, c] = value[c]
 
 
 @njit(cache=True)

@@ -31,6 +31,7 @@ class ContourCurves:
     heights  (C,)
     start, end  (M,) vertex at either end; an open contour has one vertex more than segments
     straight    (M,) whether the segment replaces a kink shorter than anybody sees: the ground is level at its ends
+    bound       (C,) whether the tangents at the contour's ends are given, so that its segments there stay curves
     """
 
     bezier: Floats
@@ -41,6 +42,7 @@ class ContourCurves:
     start: Ints
     end: Ints
     straight: NDArray[np.bool_]
+    bound: NDArray[np.bool_]
 
     @property
     def n_vertices(self) -> int:
@@ -77,6 +79,11 @@ class ContourCurves:
         kinked[self.start[self.straight]] = kinked[self.end[self.straight]] = True
         return kinked
 
+    def may_straighten(self) -> NDArray[np.bool_]:
+        """(M,) whether a segment may become its chord: it does not lie at an end whose tangent is given."""
+        last = np.r_[self.contour[1:] != self.contour[:-1], True][: len(self.contour)]
+        return ~(self.bound[self.contour] & (last | np.roll(last, 1)))
+
     def straightened(self, chosen: NDArray[np.bool_]) -> "ContourCurves":
         """The same curves with the chosen segments replaced by their chords."""
         bezier = self.bezier.copy()
@@ -106,7 +113,7 @@ class ContourCurves:
         halved = segments_of(
             bezier, np.where(chosen, 0.5, 1.0)[rows] * self.span[rows], self.contour[rows], self.closed, self.heights
         )
-        return replace(halved, straight=self.straight[rows])
+        return replace(halved, straight=self.straight[rows], bound=self.bound)
 
 
 _HALVING = (
@@ -124,4 +131,5 @@ def segments_of(
     start = np.arange(len(contour)) + opened
     head = start[first][np.cumsum(first) - 1]
     end = np.where(last & closed[contour], head, start + 1)
-    return ContourCurves(bezier, span, contour, closed, heights, start, end, np.zeros(len(contour), dtype=bool))
+    none = np.zeros(len(contour), dtype=bool)
+    return ContourCurves(bezier, span, contour, closed, heights, start, end, none, np.zeros(len(closed), dtype=bool))

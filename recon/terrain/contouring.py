@@ -11,11 +11,12 @@ from scipy.ndimage import label
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap, HeightGrid
 
-__all__ = ["contour_grid", "contour_levels", "largest_piece"]
+__all__ = ["clear_of_multiples", "contour_grid", "contour_levels", "contours_through", "largest_piece", "least_step"]
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+MOST_CLEAR = 0.25  # of the interval: farther a height is not moved
 CLEAR = 0.1  # of the steepest step to a neighbour: no nearer to a level may a height be, or contours meet at the place
 
 
@@ -97,7 +98,25 @@ def contour_levels(grid: HeightGrid, levels: Sequence[float]) -> ContourMap | No
     Heights near a level, or on it, would make contours touch at grid points: they are moved away from it, which moves
     no contour by more than a tenth of a cell.
     """
-    masked = np.ma.masked_invalid(_off_levels(grid.heights, np.asarray(levels, dtype=np.float64)))
+    if len(levels):
+        at = np.asarray(levels, dtype=np.float64)
+        nearest = at[np.searchsorted((at[1:] + at[:-1]) / 2, grid.heights)]
+        grid = HeightGrid(grid.x, grid.y, _off_levels(grid.heights, nearest, least_step(grid.heights)), grid.crs)
+    return contours_through(grid, levels)
+
+
+def clear_of_multiples(grid: HeightGrid, interval: float, step: float) -> HeightGrid:
+    """The grid with heights near a multiple of the interval moved away from it, as `contour_levels` moves them.
+
+    step  as `least_step` of the whole grid; heights but the outermost ones come out alike in every window of that
+    """
+    nearest = interval * np.round(grid.heights / interval)
+    return HeightGrid(grid.x, grid.y, _off_levels(grid.heights, nearest, step, MOST_CLEAR * interval), grid.crs)
+
+
+def contours_through(grid: HeightGrid, levels: Sequence[float]) -> ContourMap | None:
+    """Contours of a grid that has no height at any of the levels, the higher ground on their left; None without one."""
+    masked = np.ma.masked_invalid(grid.heights)
     maker = contourpy.contour_generator(
         grid.x, grid.y, masked, line_type=contourpy.LineType.Separate, corner_mask=False
     )
@@ -111,16 +130,17 @@ def contour_levels(grid: HeightGrid, levels: Sequence[float]) -> ContourMap | No
     return ContourMap(lines, heights, [[grid.x[0], grid.y[0]], [grid.x[-1], grid.y[-1]]], grid.crs)
 
 
-def _off_levels(z: Floats, levels: Floats) -> Floats:
-    """The heights, those too near to a level moved off it: up from it, or down where they lie below."""
-    if not len(levels):
-        return z
+def least_step(z: Floats) -> float:
+    """The smallest difference between two heights that occur; 1 where only one does."""
+    steps = np.diff(np.unique(z[np.isfinite(z)]))
+    return float(steps.min()) if len(steps) else 1.0
+
+
+def _off_levels(z: Floats, nearest: Floats, step: float, most: float = np.inf) -> Floats:
+    """The heights, those too near to their nearest level moved off it: up from it, or down where they lie below."""
     padded = np.pad(z, 1, constant_values=np.nan)
     beside = [padded[1:-1, 2:], padded[1:-1, :-2], padded[2:, 1:-1], padded[:-2, 1:-1]]
     clear = CLEAR * np.nanmax([np.zeros_like(z), *(np.abs(other - z) for other in beside)], axis=0)
-    steps = np.diff(np.unique(z[np.isfinite(z)]))
-    clear = np.maximum(clear, CLEAR * (float(steps.min()) if len(steps) else 1.0))  # on plateaus
-    middles = (levels[1:] + levels[:-1]) / 2
-    nearest = levels[np.searchsorted(middles, z)]
+    clear = np.minimum(np.maximum(clear, CLEAR * step), most)  # a step tells on plateaus
     near = np.abs(z - nearest) < clear
     return np.where(near, nearest + np.where(z >= nearest, clear, -clear), z)

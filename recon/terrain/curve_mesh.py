@@ -18,7 +18,7 @@ from recon.terrain.second_derivatives import VertexJets
 from recon.terrain.slopes import turned_quarter
 from recon.terrain.tiling import Tiling
 
-__all__ = ["EdgeFields", "edge_fields"]
+__all__ = ["EdgeFields", "edge_fields", "hermite_quintics"]
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def _tiling_edges(tiling: Tiling, jets: VertexJets, t: Floats, edges: NDArray[np
          _form(jets.hessian[k], w, d))
         for k in (i, j)
     ]  # fmt: skip
-    z = _quintic(*(end[:3] for end in ends))
+    z = hermite_quintics(*(end[:3] for end in ends))
     r = _cubic(*(end[3:] for end in ends))
     slope, turn = z @ bernstein_derivative(5, t).T, r @ bernstein(3, t).T
     square = _dot(d, d)[:, None, None]
@@ -90,7 +90,7 @@ def _cubic(start: tuple[Floats, ...], end: tuple[Floats, ...]) -> Floats:
     return np.stack([a, a + da / 3, b - db / 3, b], axis=1)
 
 
-def _quintic(start: tuple[Floats, ...], end: tuple[Floats, ...]) -> Floats:
+def hermite_quintics(start: tuple[Floats, ...], end: tuple[Floats, ...]) -> Floats:
     """(n, 6) Bernstein coefficients of quintics from value, first and second derivative at both ends."""
     (a, da, dda), (b, db, ddb) = start, end
     return np.stack([a, a + da / 5, a + 2 * da / 5 + dda / 20, b - 2 * db / 5 + ddb / 20, b - db / 5, b], axis=1)

@@ -36,8 +36,11 @@ class Levels:
     uphill: Floats
 
 
-def levels(tiling: Tiling, interval: float) -> Levels:
-    """Limits of height of every strip; `interval` metres is how far an ended strip may go beyond its contour."""
+def levels(tiling: Tiling, interval: float, bands: tuple[Ints, Floats, Floats] | None = None) -> Levels:
+    """Limits of height of every strip; `interval` metres is how far an ended strip may go beyond its contour.
+
+    bands  some free vertices, and the least and the greatest height of the strips that they lie in
+    """
     inner = (tiling.edge_faces >= 0).all(axis=1)
     joined = tiling.edge_faces[inner & ~tiling.is_contour]
     n = len(tiling.triangles)
@@ -56,6 +59,8 @@ def levels(tiling: Tiling, interval: float) -> Levels:
     lowest, highest = _spot_range(tiling, strip, n_strips)
     told = ended & (lowest <= highest)
     low, high = np.where(told, np.fmin(level, lowest), low), np.where(told, np.fmax(level, highest), high)
+    if bands is not None:
+        low, high = _as_told(tiling, strip, (low, high, ended), bands)
     middle = (low + high) / 2
     rise = np.sign(middle[strip[faces[:, 0]]] - middle[strip[faces[:, 1]]])
     total = np.zeros(tiling.curves.n_vertices)
@@ -71,6 +76,22 @@ def _spot_range(tiling: Tiling, strip: Ints, n_strips: int) -> tuple[Floats, Flo
     np.minimum.at(lowest, strip[face], height)
     np.maximum.at(highest, strip[face], height)
     return lowest, highest
+
+
+def _as_told(
+    tiling: Tiling, strip: Ints, limits: tuple[Floats, Floats, NDArray[np.bool_]], told: tuple[Ints, Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """Limits of the strips, those of ended ones as told by vertices in them."""
+    low, high, ended = limits
+    row = np.full(len(tiling.points), -1)
+    row[told[0]] = np.arange(len(told[0]))
+    face, corner = np.nonzero(row[tiling.triangles] >= 0)
+    here, at = strip[face], row[tiling.triangles[face, corner]]
+    least, most = np.full(len(low), np.inf), np.full(len(low), -np.inf)
+    np.minimum.at(least, here, told[1][at])
+    np.maximum.at(most, here, told[2][at])
+    known = ended & (least <= most)
+    return np.where(known, least, low), np.where(known, most, high)
 
 
 def _continued(

@@ -33,10 +33,12 @@ def limited_jets(
     limits: Levels,
     interval: float,
     floor: float | None = None,
+    held: Ints | None = None,
 ) -> tuple[VertexJets, tuple[PatchGroup, ...]]:
     """Jets scaled down where needed, and the patches made from them; none above a floor dips below it.
 
     made  makes the patches of some rows of the layout, or of all, always in the same groups
+    held  vertices whose jets stay as they are, whatever the patches do
     """
     strip = limits.strip[layout.face]
     allowed = np.where(limits.ended[strip], BEYOND_ENDED, BEYOND) * interval
@@ -53,8 +55,12 @@ def limited_jets(
         factor = np.ones(len(jets.height))
         share = np.clip(allowed[too_high] / over[too_high], *FACTORS)
         np.minimum.at(factor, layout.corners[too_high].ravel(), np.repeat(share, 4))
+        if held is not None:
+            factor[held] = 1.0
         jets = jets.scaled(factor)
         changed = np.flatnonzero((factor < 1)[layout.corners].any(axis=1))
+        if not len(changed):
+            break
         parts = made(jets, changed)
         nets = tuple(group.replaced(new) for group, new in zip(nets, parts))
     return jets, nets

@@ -1,5 +1,6 @@
 """The patches of a terrain as a network: corners, edges and sides numbered for the kernel door."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from recon.geometry.bspline import BSplineSurface
 from recon.geometry.patches import COLLAPSED, PatchNetwork
 from recon.terrain.pipeline import Terrain
 
-__all__ = ["stretched", "terrain_network"]
+__all__ = ["joined_network", "stretched", "terrain_network"]
 
 
 def terrain_network(terrain: Terrain) -> PatchNetwork:
@@ -36,6 +37,31 @@ def terrain_network(terrain: Terrain) -> PatchNetwork:
         np.where(sides == COLLAPSED, COLLAPSED, number[sides]),
         layout.side_forward.astype(np.int64),
         corners.reshape(-1, 4),
+    )
+
+
+def joined_network(parts: Sequence[PatchNetwork]) -> PatchNetwork:
+    """The networks of neighbouring map tiles as one: vertices at one place, to the last bit, become one, and so edges.
+
+    Promises  no two edges join the same two vertices, as in every part.
+    """
+    vertices, number = np.unique(np.vstack([part.vertices for part in parts]), axis=0, return_inverse=True)
+    first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    ends = np.vstack([number[part.edge_vertices + at] for part, at in zip(parts, first)])
+    key = ends.min(axis=1) * len(vertices) + ends.max(axis=1)
+    _, kept, edge = np.unique(key, return_index=True, return_inverse=True)
+    turned = ends[:, 0] != ends[kept][edge, 0]
+    first_edge = np.cumsum([0, *(len(part.edge_vertices) for part in parts)])
+    sides, forward = [], []
+    for part, at in zip(parts, first_edge):
+        used = part.side_edges != COLLAPSED
+        own = np.where(used, part.side_edges + at, 0)
+        sides.append(np.where(used, edge[own], COLLAPSED))
+        forward.append(part.side_forward ^ (used & turned[own]))
+    corners = np.vstack([number[part.corner_vertices + at] for part, at in zip(parts, first)])
+    patches = tuple(patch for part in parts for patch in part.patches)
+    return PatchNetwork(
+        patches, vertices, ends[kept], np.vstack(sides), np.vstack(forward).astype(np.int64), corners
     )
 
 

@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
+from recon.terrain.border import Border, BorderVertices
 from recon.terrain.contour_curves import ContourCurves
 from recon.terrain.faults import checked_contours
 from recon.terrain.gregory import gregory_folds, gregory_patches
@@ -29,7 +30,7 @@ from recon.terrain.limiter import limited_jets
 from recon.terrain.merging import Folds, PatchLayout, merged_layout, ruled_folds, triangle_layout
 from recon.terrain.patch_group import PatchGroup
 from recon.terrain.patches import patch_nets
-from recon.terrain.resampling import contour_samples, fit_contours, point_spacing
+from recon.terrain.resampling import ContourSamples, contour_samples, fit_contours, point_spacing
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
 from recon.terrain.slopes import vertex_slopes
 from recon.terrain.spot_heights import spots_beside_contours, spots_off_strips
@@ -118,47 +119,55 @@ def terrain_surface(
     options: TerrainOptions | None = None,
     *,
     floor: float | None = None,
+    border: Border | None = None,
     doing: Callable[[str], None] = lambda step: None,
 ) -> Terrain:
     """A ground through the contours, of polynomial patches whose tangent planes agree along every common edge.
 
     floor     height of a contour below which no patch above it may dip, since a base lies there
+    border    what the map shares with the maps beside it, whose vertices on its border are then all that it has there
     doing     called with the name of each step
     Promises  no patch folds; heights stay near those of their patch's corners, as the limiter says.
     Raises    BadGeometry naming height and place, where contours cross or a patch cannot be unfolded; BadOption.
     Paper     [zhang2006].
     """
     options = options or TerrainOptions()
-    tolerance = options.tolerance or SHARE_OF_SPACING * point_spacing(contours)
-    origin = np.round(contours.extent.mean(axis=0))
+    border = border or _no_neighbours(contours)
+    tolerance, origin = options.tolerance or SHARE_OF_SPACING * border.spacing, border.origin
     sound, told = checked_contours(contours, tolerance, mend=options.mend)
     kept, notes = _without_specks(sound, tolerance)
     kept, spots_told = spots_beside_contours(kept, tolerance, mend=options.mend)
     notes = told + notes + spots_told
-    local = _ended_on_border(kept.moved(origin), tolerance)
+    gregory = options.patches is PatchKind.GREGORY
+    local = border.joined(_ended_on_border(kept.moved(origin), tolerance))
+    fitting = _Fitting(tolerance, gregory_folds if gregory else ruled_folds, border)
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
-        gregory = options.patches is PatchKind.GREGORY
-        folds = gregory_folds if gregory else ruled_folds
-        interval = contours.interval()
-        tiling, local, left_out = _tiled(local, tolerance, origin, folds)
-        odd = spots_off_strips(tiling, levels(tiling, interval), origin, mend=options.mend)
+        tiling, local, left_out = _tiled(local, fitting)
+        odd = spots_off_strips(tiling, levels(tiling, border.interval), origin, mend=options.mend)
         if odd.any():
             notes += (f"{int(odd.sum())} spot heights that the contours around contradict were left out",)
-            tiling, local, left_out = _tiled(local.with_spots(local.spots[~odd]), tolerance, origin, folds)
+            tiling, local, left_out = _tiled(local.with_spots(local.spots[~odd]), fitting)
         notes += left_out
-        layout = merged_layout(tiling, folds)
+        layout = merged_layout(tiling, fitting.folds)
         doing("finding the slopes")
-        limits = levels(tiling, interval)
-        jets = vertex_jets(tiling, vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits))
+        held, told_jets = border.rows(tiling), border.vertices.jets
+        limits = levels(tiling, border.interval, border.bands(held))
+        slopes = vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits, (held, told_jets.slopes()))
+        jets = vertex_jets(tiling, slopes).with_rows(held, told_jets)
         doing("making the patches")
         made: Callable[[VertexJets, Ints | None], Sequence[PatchGroup]] = partial(patch_nets, tiling, layout)
         if gregory:
             made = partial(gregory_patches, tiling, layout, angle=options.angle)
-        jets, nets = limited_jets(made, layout, jets, limits, interval, floor)
-    return Terrain(
-        origin, tiling, layout, jets, nets, local.extent, interval, tolerance, limits.strip, contours.crs, notes
-    )
+        jets, nets = limited_jets(made, layout, jets, limits, border.interval, floor, held)
+    extent, interval = local.extent, border.interval
+    return Terrain(origin, tiling, layout, jets, nets, extent, interval, tolerance, limits.strip, contours.crs, notes)
+
+
+def _no_neighbours(contours: ContourMap) -> Border:
+    """The border of a map that stands alone."""
+    origin = np.round(contours.extent.mean(axis=0))
+    return Border(origin, point_spacing(contours), contours.interval(), BorderVertices.none())
 
 
 def _without_specks(contours: ContourMap, tolerance: float) -> tuple[ContourMap, tuple[str, ...]]:
@@ -195,23 +204,36 @@ def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
     return contours.with_lines(lines, contours.heights)
 
 
-def _tiled(
-    contours: ContourMap, tolerance: float, origin: Floats, folds: Folds
-) -> tuple[Tiling, ContourMap, tuple[str, ...]]:
+@dataclass(frozen=True, eq=False)
+class _Fitting:
+    """What the fit of curves and tiling needs beside the contours."""
+
+    tolerance: float
+    folds: Folds
+    border: Border
+
+    def samples(self, contours: ContourMap) -> ContourSamples:
+        return contour_samples(contours, self.border.spacing, self.border.line_ends(contours))
+
+    def frame(self, contours: ContourMap) -> Frame:
+        return Frame(contours, BORDER_STEP * self.border.spacing, self.border.free_points)
+
+
+def _tiled(contours: ContourMap, fitting: _Fitting) -> tuple[Tiling, ContourMap, tuple[str, ...]]:
     """The tiling of curves that do not meet, and its contours; where they met, the fit is repeated with less room.
 
     Where that does not help, rings that the spacing of the points cannot tell from noise are left out and named.
     """
-    tight = np.empty((0, 2))
-    samples = contour_samples(contours)
+    tight, tolerance, origin = np.empty((0, 2)), fitting.tolerance, fitting.border.origin
+    samples = fitting.samples(contours)
     left_out: list[Floats] = []
     for attempt in range(REFITS):
         allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
         curves = _supple(fit_contours(samples, allowed, tight), allowed)
         try:
-            frame = Frame(contours, BORDER_STEP * samples.spacing)
+            frame = fitting.frame(contours)
             tiling, free = with_free_vertices(curves, frame)
-            tiling = _unfolded(tiling, frame, free, (TINY * allowed, origin), folds)
+            tiling = _unfolded(tiling, frame, free, (TINY * allowed, origin), fitting.folds)
             return tiling, contours, _told_of_rings(left_out, origin)
         except CurvesMeet as meeting:
             if attempt == REFITS - 1:
@@ -221,7 +243,7 @@ def _tiled(
             if attempt >= PATIENCE and small.any() and not small.all():
                 left_out += [contours.lines[i][0] for i in np.flatnonzero(small).tolist()]
                 contours = _part(contours, ~small)
-                samples = contour_samples(contours)
+                samples = fitting.samples(contours)
     raise AssertionError("the loop returns or raises")
 
 
@@ -253,7 +275,8 @@ def _part(contours: ContourMap, keep: NDArray[np.bool_]) -> ContourMap:
 def _supple(curves: ContourCurves, tolerance: float) -> ContourCurves:
     """The curves split until no segment turns by much; kinks that are left when segments get tiny become chords."""
     while (bent := (curves.turning() > MOST_TURNING) & ~curves.straight).any():
-        tiny = bent & (np.linalg.norm(curves.bezier[:, 3] - curves.bezier[:, 0], axis=1) < TINY * tolerance)
+        short = np.linalg.norm(curves.bezier[:, 3] - curves.bezier[:, 0], axis=1) < TINY * tolerance
+        tiny = bent & short & curves.may_straighten()
         curves = curves.straightened(tiny).split(bent & ~tiny)
     return curves
 
@@ -277,6 +300,7 @@ def _unfolded(tiling: Tiling, frame: Frame, free: Floats, grid: tuple[float, Flo
         free = np.vstack([free, new])
         b = tiling.curves.bezier
         small = chosen & ~tiling.curves.straight & (np.linalg.norm(b[:, 3] - b[:, 0], axis=1) < tiny)
+        small &= tiling.curves.may_straighten()
         tiling = tile(tiling.curves.straightened(small).split(chosen & ~small), frame, free)
     where = tiling.points[layout.corners[folded | flat, 0]][0] + origin
     raise BadGeometry(

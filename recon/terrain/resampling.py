@@ -8,7 +8,7 @@ same one, is so near that the two curves could meet.
 Paper  [zhang2006], section 3 (1), where the samples are even; here they follow the tolerance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -39,6 +39,7 @@ BEND = 4.0  # two samples of one contour are on different strands when the way a
 ROOM, LEAST = 0.2, 0.02  # share of the way to another strand, and of the tolerance, that a sample may miss
 SHORTEST = 1.5  # of what its points may miss: no shorter span is halved
 RING_SPANS = 6  # knot spans of a closed contour at least
+BOUND_SPANS = 3  # and of one whose tangents and curvatures are given at its ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,7 @@ class ContourSamples:
     """Points of all contours in one row: place, parameter, length that each stands for, contour, way to another strand.
 
     first    (C + 1,) place at which the samples of every contour begin
+    ends     (C, 2, 2, 2) tangent and curvature vector with which a contour begins and ends, NaN where that is free
     closed   (C,), heights  (C,), spacing  metres between the points given
     """
 
@@ -58,6 +60,7 @@ class ContourSamples:
     closed: Flags
     heights: Floats
     spacing: float
+    ends: Floats
 
 
 def point_spacing(contours: ContourMap) -> float:
@@ -79,7 +82,7 @@ def fit_contours(samples: ContourSamples, tolerance: float, tight: Floats | None
         allowed = _tightened(samples, allowed, tight)
     narrow = allowed.max() / 2  # in narrow places the chord length keeps the curve in order
     rows = [slice(a, b) for a, b in pairwise(samples.first.tolist())]
-    splines = [_Spline.of(samples, row, ring, (allowed, narrow)) for row, ring in zip(rows, samples.closed.tolist())]
+    splines = [_Spline.of(samples, c, row, (allowed, narrow)) for c, row in enumerate(rows)]
     curves = _segments(splines, samples)
     for _ in range(SMOOTHINGS - 1):
         kinked = (curves.turning() > SHARPEST) | (curves.lengths() < SLOWEST * curves.span)
@@ -95,27 +98,29 @@ def fit_contours(samples: ContourSamples, tolerance: float, tight: Floats | None
 class _Spline:
     """The spline of one contour: knots, stiffness of every span, coefficients."""
 
-    def __init__(self, rows: tuple[Floats, ...], knots: Floats, ring: bool, fixed: Flags) -> None:
+    def __init__(self, rows: tuple[Floats, ...], knots: Floats, ring: bool, fixed: Flags, ends: Floats) -> None:
         self.points, self.weight, self.parameter = rows
-        self.knots, self.ring, self._fixed = knots, ring, fixed
+        self.knots, self.ring, self._fixed, self._ends = knots, ring, fixed, ends
         self._stiffness = np.full(len(knots) - 1, STIFFNESS)
         self._fit()
 
     @classmethod
-    def of(cls, samples: ContourSamples, row: slice, ring: bool, misses: tuple[Floats, float]) -> "_Spline":
+    def of(cls, samples: ContourSamples, contour: int, row: slice, misses: tuple[Floats, float]) -> "_Spline":
+        ring, ends = bool(samples.closed[contour]), samples.ends[contour]
         points, weight, parameter = samples.points[row], samples.weight[row], samples.parameter[row]
         allowed, narrow = misses[0][row], misses[1]
         length = float(weight.sum())
-        n = max(RING_SPANS if ring else 1, int(np.ceil(length / (LONGEST * samples.spacing))))
+        least = RING_SPANS if ring else BOUND_SPANS if np.isfinite(ends).any() else 1
+        n = max(least, int(np.ceil(length / (LONGEST * samples.spacing))))
         knots = np.linspace(0.0, length, n + 1)
         fixed = allowed < narrow
         rows = points, weight, parameter, allowed, fixed
-        knots, parameter = fitted_knots(rows, knots, ring, STIFFNESS, SHORTEST)
-        return cls((points, weight, parameter), knots, ring, fixed)
+        knots, parameter = fitted_knots(rows, knots, ring, STIFFNESS, SHORTEST, ends)
+        return cls((points, weight, parameter), knots, ring, fixed, ends)
 
     def _fit(self) -> None:
         self.coefficients = fitted_coefficients(
-            self.points, self.weight, self.parameter, self.knots, self.ring, self._stiffness
+            self.points, self.weight, self.parameter, self.knots, self.ring, self._stiffness, self._ends
         )
 
     def stiffen(self, kinked: Flags, tolerance: float) -> bool:
@@ -144,16 +149,20 @@ def _with_neighbours(spans: Flags) -> Flags:
     return wider
 
 
-def contour_samples(contours: ContourMap) -> ContourSamples:
-    """The points that splines are fitted to, made once for all fits."""
-    spacing = point_spacing(contours)
+def contour_samples(contours: ContourMap, spacing: float, ends: Floats | None = None) -> ContourSamples:
+    """The points that splines are fitted to, made once for all fits.
+
+    spacing  metres between the points given
+    ends     (C, 2, 2, 2) as in ContourSamples; None: all are free
+    """
     closed = np.array([bool((line[0] == line[-1]).all()) and len(line) > 3 for line in contours.lines])
     points, parameter, weight = zip(*(_densified(*row, DENSE * spacing) for row in zip(contours.lines, closed)))
     first = np.r_[0, np.cumsum([len(p) for p in points])]
     contour = np.repeat(np.arange(len(points)), np.diff(first))
     rows = np.concatenate(points), np.concatenate(parameter), np.concatenate(weight), contour
     room = np.minimum(_way_to_another_strand(*rows), _way_to_border(rows, closed, contours))
-    return ContourSamples(*rows, room, first, closed, contours.heights, spacing)
+    ends = np.full((len(closed), 2, 2, 2), np.nan) if ends is None else ends
+    return ContourSamples(*rows, room, first, closed, contours.heights, spacing, ends)
 
 
 def _densified(line: Floats, ring: bool, widest: float) -> tuple[Floats, Floats, Floats]:
@@ -223,4 +232,5 @@ def _segments(splines: list[_Spline], samples: ContourSamples) -> ContourCurves:
     bezier = np.concatenate([bezier_segments(s.knots, s.coefficients, s.ring) for s in splines])
     span = np.concatenate([np.diff(s.knots) for s in splines])
     owner = np.repeat(np.arange(len(splines)), [len(s.knots) - 1 for s in splines])
-    return segments_of(bezier, span, owner, samples.closed, samples.heights)
+    curves = segments_of(bezier, span, owner, samples.closed, samples.heights)
+    return replace(curves, bound=np.isfinite(samples.ends).any(axis=(1, 2, 3)))

@@ -9,6 +9,7 @@ Along a contour with tangent T, left normal N, curvature k and slope m (gradient
                             the longer the edge the more it counts
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,21 @@ class VertexJets:
     height: Floats
     gradient: Floats
     hessian: Floats
+
+    @classmethod
+    def joined(cls, parts: Sequence["VertexJets"]) -> "VertexJets":
+        """The jets of all vertices of several parts."""
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("height", "gradient", "hessian")))
+
+    def slopes(self) -> VertexSlopes:
+        """Heights and gradients alone."""
+        return VertexSlopes(self.height, self.gradient)
+
+    def with_rows(self, rows: NDArray[np.int64], other: "VertexJets") -> "VertexJets":
+        """The same jets with those of some vertices replaced."""
+        height, gradient, hessian = self.height.copy(), self.gradient.copy(), self.hessian.copy()
+        height[rows], gradient[rows], hessian[rows] = other.height, other.gradient, other.hessian
+        return VertexJets(height, gradient, hessian)
 
     def scaled(self, factor: Floats) -> "VertexJets":
         """The same heights with gradient and Hessian scaled by the (V,) factors, which keeps contours contours."""

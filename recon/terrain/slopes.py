@@ -49,15 +49,18 @@ def turned_quarter(vectors: Floats) -> Floats:
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
 
-def vertex_slopes(tiling: Tiling, normals: Floats, limits: Levels) -> VertexSlopes:
+def vertex_slopes(
+    tiling: Tiling, normals: Floats, limits: Levels, told: tuple[Ints, VertexSlopes]
+) -> VertexSlopes:
     """Heights and gradients at all vertices.
 
     normals   (C, 2) unit normals of the contours at their vertices, to the left
+    told      some vertices, and the jets that they have
     Paper     [zhang2006], section 4.2.
     """
     prolong, offset = _unknowns(tiling, normals, limits)
     rows = _rows(tiling)
-    bounds = _bounds(tiling, normals, limits)
+    bounds = _held(_bounds(tiling, normals, limits), normals, offset, told)
     owner = np.r_[np.arange(len(normals)), np.repeat(np.arange(len(normals), len(tiling.points)), 3)]
     tiles = plane_tiles(tiling.points[owner], TILE)
     root_area = np.sqrt(triangle_areas(tiling))
@@ -128,6 +131,23 @@ def _bounds(tiling: Tiling, normals: Floats, limits: Levels) -> tuple[Floats, Fl
     return low, high
 
 
+def _held(
+    bounds: tuple[Floats, Floats], normals: Floats, offset: Floats, told: tuple[Ints, VertexSlopes]
+) -> tuple[Floats, Floats]:
+    """The bounds, with both the same where the jet of a vertex is told."""
+    vertices, jets = told
+    low, high = bounds[0].copy(), bounds[1].copy()
+    c = len(normals)
+    met, free = vertices < c, vertices >= c
+    on = vertices[met]
+    low[on] = high[on] = np.einsum("ij,ij->i", jets.gradient[met], normals[on])
+    first = c + 3 * (vertices[free] - c)
+    low[first] = high[first] = jets.height[free] - offset[3 * vertices[free]]
+    for k in (0, 1):
+        low[first + 1 + k] = high[first + 1 + k] = jets.gradient[free, k]
+    return low, high
+
+
 def _free_heights(tiling: Tiling, limits: Levels) -> tuple[Floats, Floats]:
     """(V,) least and greatest height that a free vertex at each place may have: that of a spot where there is one."""
     least, most = np.full(len(tiling.points), -np.inf), np.full(len(tiling.points), np.inf)
@@ -169,7 +189,7 @@ def _bounded(
         outside = (x < low) | (x > high)
         x = np.clip(x, low, high)
         pull = right - matrix @ x
-        back = held & np.where(x <= low, pull > 0, pull < 0)
+        back = held & (low < high) & np.where(x <= low, pull > 0, pull < 0)
         if not outside.any() and not back.any():
             break
         held = (held | outside) & ~back

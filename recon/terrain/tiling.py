@@ -39,10 +39,12 @@ class Frame:
     """What a map has beside the curves of its contours: border, voids, spot heights.
 
     border_step  metres between free vertices on the border, at most
+    border       (n, 2) the free vertices on the border, where they are given
     """
 
     contours: ContourMap
     border_step: float
+    border: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +142,8 @@ def _refuse_meetings(curves: ContourCurves, lost: Ints) -> None:
 
 def _border_points(taken: Floats, frame: Frame) -> Floats:
     """Free vertices on the border: its corners, and points between those and the places that are taken."""
+    if frame.border is not None:
+        return frame.border
     sides = frame.contours.sides()
     corners = np.unique(sides[:, 0], axis=0)
     corners = corners[cKDTree(taken).query(corners)[0] > 0.0]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from recon.numerics.smoothing_spline import bezier_segments, fitted_coefficients, fitted_knots
+from recon.numerics.smoothing_spline import FREE_ENDS, bezier_segments, fitted_coefficients, fitted_knots
 
 STIFFNESS = 0.12
 
@@ -39,7 +39,7 @@ def dense_system(points, s, weight, knots, stiffness):
 def test_an_open_spline_is_the_least_squares_solution(n):
     points, s, weight = wave(90)
     knots = np.linspace(0.0, s[-1], n + 1) ** 1.2 / s[-1] ** 0.2
-    found = fitted_coefficients(points, weight, s, knots, False, np.full(n, STIFFNESS))
+    found = fitted_coefficients(points, weight, s, knots, False, np.full(n, STIFFNESS), FREE_ENDS)
     np.testing.assert_allclose(found, dense_system(points, s, weight, knots, STIFFNESS), atol=1e-5)
 
 
@@ -48,7 +48,7 @@ def test_a_ring_is_turned_as_its_points_are_and_closes_with_curvature(n):
     points, s, weight = circle(120)
     knots = np.linspace(0.0, weight.sum(), n + 1)
     stiffness = np.full(n, STIFFNESS)
-    coefficients = fitted_coefficients(points, weight, s, knots, True, stiffness)
+    coefficients = fitted_coefficients(points, weight, s, knots, True, stiffness, FREE_ENDS)
     step = 2 * np.pi / n
     turn = np.array([[np.cos(step), -np.sin(step)], [np.sin(step), np.cos(step)]])
     if 120 % n == 0:
@@ -64,12 +64,12 @@ def test_knots_are_added_until_no_point_is_missed_by_more(ring):
     points, s, weight = circle(400) if ring else wave(400)
     allowed = np.full(len(s), 0.05)
     rows = points, weight, s, allowed, np.zeros(len(s), dtype=bool)
-    knots, moved = fitted_knots(rows, np.linspace(0.0, weight.sum(), 7), ring, STIFFNESS, 1.5)
+    knots, moved = fitted_knots(rows, np.linspace(0.0, weight.sum(), 7), ring, STIFFNESS, 1.5, FREE_ENDS)
     assert (np.diff(moved) > 0).all()
     width = np.diff(knots)
     assert (width[1:] / width[:-1]).max() <= 2.01
     assert (width[:-1] / width[1:]).max() <= 2.01
-    coefficients = fitted_coefficients(points, weight, moved, knots, ring, np.full(len(width), STIFFNESS))
+    coefficients = fitted_coefficients(points, weight, moved, knots, ring, np.full(len(width), STIFFNESS), FREE_ENDS)
     b = bezier_segments(knots, coefficients, ring)
     t = np.linspace(0, 1, 400)[:, None, None]
     dense = (1 - t) ** 3 * b[:, 0] + 3 * t * (1 - t) ** 2 * b[:, 1] + 3 * t * t * (1 - t) * b[:, 2] + t**3 * b[:, 3]

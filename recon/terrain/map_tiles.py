@@ -1,0 +1,208 @@
+"""A map too large for memory, tile by tile: its lattice of borders, and the ground of every tile.
+
+    o-------o-------o      o  node: the jet there comes from the ground around it
+    |  r0   |  r0   |      |  seam: the vertices on it, and their jets, come from the ground on both sides of it and the
+    |  c0   |  c1   |         nodes at its ends
+    o-------o-------o      tiles: the ground within, held to the seams and nodes around it
+    |  r1   |  r1   |
+    |  c0   |  c1   |      Each looks at heights within a margin of itself alone. So a tile does not depend on which
+    o-------o-------o      others are made, nor in which order, and it meets its neighbours exactly.
+
+Tiles are counted as sheets of a map are: rows from the north, columns from the west.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import BadGeometry, BadOption
+from recon.geometry.contour_map import ContourMap, HeightGrid
+from recon.geometry.height_source import HeightSource
+from recon.terrain.border import Border, BorderVertices
+from recon.terrain.contouring import clear_of_multiples, contours_through, least_step
+from recon.terrain.pipeline import SHARE_OF_SPACING, Terrain, TerrainOptions, terrain_surface
+from recon.terrain.seams import Stretch, node_vertex, seam_vertices
+
+__all__ = ["MapTiles", "TiledMap", "plan_tiles"]
+
+Floats = NDArray[np.float64]
+Place = tuple[int, int]
+
+POINTS_A_CELL = 0.94  # of a cell: the usual way between two points of a contour, which follows the grid's cells
+MARGIN = 48  # cells around a seam or a node whose ground tells its jets
+FEWEST = 16  # cells of a tile along its shorter side
+BLOCK = 256  # rows that are looked through at once
+
+
+@dataclass(frozen=True, eq=False)
+class TiledMap:
+    """A grid, how it is contoured, and where it is cut.
+
+    rows, columns  places in the grid's rows and columns at which the lattice lies, its ends included
+    interval       metres of height between contours
+    step           metres, the smallest difference between two heights of the grid
+    lowest, highest  heights of the grid
+    options        of every tile's ground; the tolerance is given
+    """
+
+    source: HeightSource
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    interval: float
+    step: float
+    lowest: float
+    highest: float
+    options: TerrainOptions
+
+    @property
+    def shape(self) -> Place:
+        """Rows and columns of tiles."""
+        return len(self.rows) - 1, len(self.columns) - 1
+
+    @cached_property
+    def origin(self) -> Floats:
+        """(2,) place of the map at which all tiles have their x = y = 0."""
+        x, y = self.source.x, self.source.y
+        return np.round([(x[0] + x[-1]) / 2, (y[0] + y[-1]) / 2])
+
+    @property
+    def spacing(self) -> float:
+        return point_spacing_of(self.source)
+
+    def extent(self, tile: Place) -> tuple[slice, slice]:
+        """Rows and columns of the grid that a tile covers, those of its borders included."""
+        south = self.shape[0] - 1 - tile[0]
+        return (
+            slice(self.rows[south], self.rows[south + 1] + 1),
+            slice(self.columns[tile[1]], self.columns[tile[1] + 1] + 1),
+        )
+
+
+def point_spacing_of(source: HeightSource) -> float:
+    """Metres between neighbouring points of a grid's contours, by the size of its cells."""
+    cells = [(axis[-1] - axis[0]) / (len(axis) - 1) for axis in (source.x, source.y)]
+    return POINTS_A_CELL * float(np.sqrt(cells[0] * cells[1]))
+
+
+def plan_tiles(source: HeightSource, interval: float, size: float, tolerance: float | None = None) -> TiledMap:
+    """Look through a grid, block by block, and lay the lattice: tiles of about `size` metres, none below half of it.
+
+    Raises  BadOption when the interval is not positive, a tile would be too small, or no height lies beyond a contour;
+            BadGeometry where a height is not known.
+    """
+    if not 0 < interval < np.inf:
+        raise BadOption("--interval", f"must be a positive height in metres, not {interval}")
+    lattice = [_cut(axis, size) for axis in (source.y, source.x)]
+    lowest, highest, step = _looked_through(source)
+    if np.floor(lowest / interval) == np.floor(highest / interval):
+        raise BadOption("--interval", f"{interval:g} m gives no contour between {lowest:g} and {highest:g} m")
+    options = TerrainOptions(tolerance=tolerance or SHARE_OF_SPACING * point_spacing_of(source))
+    return TiledMap(source, lattice[0], lattice[1], interval, step, lowest, highest, options)
+
+
+def _cut(axis: Floats, size: float) -> tuple[int, ...]:
+    cell = (axis[-1] - axis[0]) / (len(axis) - 1)
+    n = int(round(size / cell))
+    if n < FEWEST:
+        raise BadOption("--tile", f"must be {FEWEST * cell / 1000:g} km or more, {FEWEST} cells of the grid")
+    count = max(1, int(round((len(axis) - 1) / n)))
+    return (*(n * k for k in range(count)), len(axis) - 1)
+
+
+def _looked_through(source: HeightSource) -> tuple[float, float, float]:
+    """Lowest and highest height, and the smallest step between heights of one block."""
+    ranges = []
+    for first in range(0, len(source.y), BLOCK):
+        z = source.read(slice(first, first + BLOCK), slice(None))
+        unknown = np.argwhere(~np.isfinite(z))
+        if len(unknown):
+            j, i = unknown[0]
+            raise BadGeometry(
+                "grid",
+                f"has no height near ({source.x[i]:.1f}, {source.y[first + j]:.1f}); tiles need all: fill its voids first",
+            )
+        ranges.append((z.min(), z.max(), least_step(z)))
+    low, high, step = np.array(ranges).T
+    return float(low.min()), float(high.max()), float(step.min())
+
+
+@dataclass(frozen=True, eq=False)
+class MapTiles:
+    """Makes tiles of a map; what two of them share is found once."""
+
+    plan: TiledMap
+    _known: dict[tuple[Place, Place], BorderVertices] = field(default_factory=dict)
+
+    def tile(self, tile: Place, doing: Callable[[str], None] = lambda step: None) -> Terrain:
+        """The ground of one tile, which is (row from the north, column from the west).
+
+        Raises  BadGeometry naming a place, as `terrain_surface` does.
+        """
+        rows, columns = self.plan.extent(tile)
+        doing("finding the borders")
+        border = Border(self.plan.origin, self.plan.spacing, self.plan.interval, self.around(tile))
+        contours = self._contours(rows, columns)
+        if contours is None:
+            x, y = self.plan.source.x[columns.start], self.plan.source.y[rows.start]
+            raise BadGeometry(
+                "tile", f"r{tile[0]} c{tile[1]} from ({x:.0f}, {y:.0f}) holds no contour; take a smaller --interval"
+            )
+        return terrain_surface(contours, self.plan.options, border=border, doing=doing)
+
+    def around(self, tile: Place) -> BorderVertices:
+        """The vertices of the four nodes and seams of a tile."""
+        rows, columns = self.plan.extent(tile)
+        south, north, west, east = rows.start, rows.stop - 1, columns.start, columns.stop - 1
+        corners = [(south, west), (south, east), (north, east), (north, west)]
+        sides = [((south, west), (south, east)), ((south, east), (north, east)),
+                 ((north, west), (north, east)), ((south, west), (north, west))]  # fmt: skip
+        return BorderVertices.joined([*(self._node(c) for c in corners), *(self._seam(*side) for side in sides)])
+
+    def _node(self, place: Place) -> BorderVertices:
+        key = place, place
+        if key not in self._known:
+            self._known[key] = node_vertex(self._stretch(place, place))
+        return self._known[key]
+
+    def _seam(self, start: Place, end: Place) -> BorderVertices:
+        if (start, end) not in self._known:
+            ends = self._node(start), self._node(end)
+            self._known[start, end] = seam_vertices(self._stretch(start, end), *ends)
+        return self._known[start, end]
+
+    def _stretch(self, start: Place, end: Place) -> Stretch:
+        """A seam, or a node, with the ground within the margin around it."""
+        ny, nx = len(self.plan.source.y), len(self.plan.source.x)
+        rows = slice(max(start[0] - MARGIN, 0), min(end[0] + MARGIN, ny - 1) + 1)
+        columns = slice(max(start[1] - MARGIN, 0), min(end[1] + MARGIN, nx - 1) + 1)
+        grid = self._heights(rows, columns)
+        contours = contours_through(grid, self._levels(grid))
+        ground = None if contours is None else terrain_surface(contours, self.plan.options)
+        offset = rows.start, columns.start
+        places = [(j - offset[0], i - offset[1]) for j, i in (start, end)]
+        return Stretch(grid, places[0], places[1], ground, self.plan.origin, self.plan.spacing, self.plan.interval)
+
+    def _contours(self, rows: slice, columns: slice) -> ContourMap | None:
+        grid = self._heights(rows, columns)
+        return contours_through(grid, self._levels(grid))
+
+    def _levels(self, grid: HeightGrid) -> list[float]:
+        first = np.floor(grid.heights.min() / self.plan.interval) + 1
+        last = np.floor(grid.heights.max() / self.plan.interval)
+        return [float(self.plan.interval * k) for k in np.arange(first, last + 1)]
+
+    def _heights(self, rows: slice, columns: slice) -> HeightGrid:
+        """Heights off the contours' levels, the same in every window: so one row more is read on every side."""
+        more = [slice(max(part.start - 1, 0), part.stop + 1) for part in (rows, columns)]
+        grid = clear_of_multiples(self.plan.source.window(*more), self.plan.interval, self.plan.step)
+        j, i = (slice(part.start - wide.start, part.stop - wide.start) for part, wide in zip((rows, columns), more))
+        return HeightGrid(grid.x[i], grid.y[j], grid.heights[j, i], grid.crs)
+
+
+def all_tiles(plan: TiledMap) -> Iterator[Place]:
+    """Every tile, row by row."""
+    n_rows, n_columns = plan.shape
+    return ((r, c) for r in range(n_rows) for c in range(n_columns))
