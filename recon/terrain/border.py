@@ -88,37 +88,38 @@ class Border:
     vertices: BorderVertices
 
     @property
-    def free_points(self) -> Floats | None:
-        """(n, 2) the free vertices on the border; None where nothing is told of it."""
-        told = self.vertices
-        return told.points[~told.crossing] if len(told.points) else None
+    def free_points(self) -> Floats:
+        """(n, 2) the free vertices on the border that are told."""
+        return self.vertices.points[~self.vertices.crossing]
 
     def joined(self, contours: ContourMap) -> ContourMap:
-        """The contours with their ends at the crossings.
+        """The contours with their ends at the crossings; those that end on the map's own border stay.
 
-        Raises  BadGeometry where a contour ends on the border at no crossing, or a crossing has no contour.
+        Raises  BadGeometry where a crossing has no contour, or two.
         """
         told = self.vertices
         if not len(told.points):
             return contours
         lines, used = [], np.zeros(len(told.points), dtype=np.int64)
         for line, height in zip(contours.lines, contours.heights.tolist()):
-            ends: list[int] = [] if (line[0] == line[-1]).all() else self._rows_met(line[[0, -1]], height)
-            used[ends] += 1
-            lines.append(_between(line, told.points[ends]) if ends else line)
+            if (line[0] != line[-1]).any():
+                rows = self._rows_met(line[[0, -1]], height)
+                used[rows[rows >= 0]] += 1
+                line = _between(line, np.where(rows[:, None] >= 0, told.points[rows], line[[0, -1]]))
+            lines.append(line)
         if (used[told.crossing] != 1).any():
             x, y = told.met[told.crossing][np.argmax(used[told.crossing] != 1)] + self.origin
             raise BadGeometry("tile", f"its border tells of a contour near ({x:.1f}, {y:.1f}) that it does not have")
         return contours.with_lines(lines, contours.heights)
 
-    def _rows_met(self, ends: Floats, height: float) -> list[int]:
+    def _rows_met(self, ends: Floats, height: float) -> Ints:
+        """(2,) the crossings at both ends of a contour, -1 for none."""
         told = self.vertices
         level = np.flatnonzero(told.crossing & (told.jets.height == height))
-        way, row = cKDTree(told.met[level]).query(ends) if len(level) else (np.full(2, np.inf), np.zeros(2))
-        if way.max() > SAME * self.spacing:
-            x, y = ends[int(np.argmax(way))] + self.origin
-            raise BadGeometry("tile", f"its contour of {height:g} m ends near ({x:.1f}, {y:.1f}), off its border's")
-        return [int(k) for k in level[row]]
+        if not len(level):
+            return np.array([-1, -1])
+        way, row = cKDTree(told.met[level]).query(ends)
+        return np.where(way <= SAME * self.spacing, level[row], -1)
 
     def line_ends(self, contours: ContourMap) -> Floats:
         """(C, 2, 2, 2) tangent and curvature vector at the first and the last point of every contour, NaN in rings."""
@@ -128,9 +129,10 @@ class Border:
         normal = np.column_stack([-told.tangent[:, 1], told.tangent[:, 0]])
         bend = told.curvature[:, None] * normal
         for c, line in enumerate(contours.lines):
-            for end in (0, 1) if len(told.points) and (line[0] != line[-1]).any() else ():
-                row = place[line[-end].tobytes()]
-                out[c, end] = told.tangent[row], bend[row]
+            for end in (0, 1):
+                row = place.get(line[-end].tobytes(), -1)
+                if row >= 0 and (line[0] != line[-1]).any():
+                    out[c, end] = told.tangent[row], bend[row]
         return out
 
     def rows(self, tiling: Tiling) -> Ints:

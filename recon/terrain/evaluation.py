@@ -20,6 +20,7 @@ Ints = NDArray[np.int64]
 
 SAMPLES = (np.arange(5) + 0.5) / 5
 CHUNK, STEPS = 50_000, 12
+BESIDE_POINT = 1.0 - 1e-6  # v at which the slope is taken in a corner that is a side: there X_u vanishes
 INSIDE = 1e-7  # how far outside [0, 1] a parameter may lie
 
 
@@ -32,8 +33,11 @@ def elevations(terrain: Terrain, places: ArrayLike) -> tuple[Floats, Floats]:
         place_in = np.full(terrain.n_patches, -1)
         place_in[part.rows] = np.arange(len(part.rows))
         rows = np.flatnonzero((patch >= 0) & (place_in[patch] >= 0))
-        point, x_u, x_v = part.points(place_in[patch[rows]], uv[rows])
-        height[rows], z_u, z_v = point[:, 2], x_u[:, 2], x_v[:, 2]
+        index = place_in[patch[rows]]
+        height[rows] = part.points(index, uv[rows])[0][:, 2]
+        beside = np.where(terrain.layout.is_triangle[patch[rows]], BESIDE_POINT, 1.0)
+        _, x_u, x_v = part.points(index, np.column_stack([uv[rows, 0], np.minimum(uv[rows, 1], beside)]))
+        z_u, z_v = x_u[:, 2], x_v[:, 2]
         area = _cross(x_u, x_v)
         with np.errstate(divide="ignore", invalid="ignore"):
             gradient[rows, 0] = (z_u * x_v[:, 1] - z_v * x_u[:, 1]) / area

@@ -153,13 +153,20 @@ class MapTiles:
         return terrain_surface(contours, self.plan.options, border=border, doing=doing)
 
     def around(self, tile: Place) -> BorderVertices:
-        """The vertices of the four nodes and seams of a tile."""
+        """The vertices of the nodes and seams that a tile shares with others."""
         rows, columns = self.plan.extent(tile)
         south, north, west, east = rows.start, rows.stop - 1, columns.start, columns.stop - 1
-        corners = [(south, west), (south, east), (north, east), (north, west)]
         sides = [((south, west), (south, east)), ((south, east), (north, east)),
                  ((north, west), (north, east)), ((south, west), (north, west))]  # fmt: skip
-        return BorderVertices.joined([*(self._node(c) for c in corners), *(self._seam(*side) for side in sides)])
+        shared = [side for side in sides if not self._is_outer(*side)]
+        corners = sorted({corner for side in shared for corner in side})
+        parts = [*(self._node(corner) for corner in corners), *(self._seam(*side) for side in shared)]
+        return BorderVertices.joined([BorderVertices.none(), *parts])
+
+    def _is_outer(self, start: Place, end: Place) -> bool:
+        """Whether a side lies on the border of the whole map."""
+        ny, nx = len(self.plan.source.y), len(self.plan.source.x)
+        return start[0] == end[0] in (0, ny - 1) or start[1] == end[1] in (0, nx - 1)
 
     def _node(self, place: Place) -> BorderVertices:
         key = place, place

@@ -33,6 +33,7 @@ REACH = 1.5  # spacings of the points that a fitted contour may cross from where
 STEEP = 0.08  # sine of the angle at which it crosses, at least
 ROOM = 0.4  # of the way to the next crossing that is left of it, at least
 INSIDE = 0.02  # of the interval that free vertices keep from the contours' levels
+SHORTER = 0.99  # of the way between vertices on a border: no tile puts further ones between
 ROUNDS, FACTORS = 20, (0.3, 0.8)
 SAMPLES = np.linspace(0.0, 1.0, 9)
 AROUND = 6  # cells about a place without any contour that give its slope
@@ -227,7 +228,7 @@ def _edges(stretch: Stretch, crossings: _Crossings, length: float) -> _Edges:
     same[1:-1] = crossings.level[1:] == crossings.level[:-1]
     ended = same.copy()
     ended[[0, -1]] = True
-    parts = np.maximum(np.ceil(gap / (BORDER_STEP * stretch.spacing)).astype(int), 1 + same)
+    parts = np.maximum(np.ceil(gap / (SHORTER * BORDER_STEP * stretch.spacing)).astype(int), 1 + same)
     leg = np.repeat(np.arange(len(gap)), parts)
     step = np.arange(len(leg)) - np.repeat(np.cumsum(parts) - parts, parts)
     at = ends[leg] + step / parts[leg] * gap[leg]

@@ -39,12 +39,12 @@ class Frame:
     """What a map has beside the curves of its contours: border, voids, spot heights.
 
     border_step  metres between free vertices on the border, at most
-    border       (n, 2) the free vertices on the border, where they are given
+    border       (n, 2) free vertices on the border that are given, beside those that are put there
     """
 
     contours: ContourMap
     border_step: float
-    border: Floats | None = None
+    border: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +141,11 @@ def _refuse_meetings(curves: ContourCurves, lost: Ints) -> None:
 
 
 def _border_points(taken: Floats, frame: Frame) -> Floats:
-    """Free vertices on the border: its corners, and points between those and the places that are taken."""
-    if frame.border is not None:
-        return frame.border
-    sides = frame.contours.sides()
+    """Free vertices on the border: given ones, its corners, and points between all those and the places taken."""
+    sides, taken = frame.contours.sides(), np.vstack([taken, frame.border])
     corners = np.unique(sides[:, 0], axis=0)
     corners = corners[cKDTree(taken).query(corners)[0] > 0.0]
-    known, added = np.vstack([taken, corners]), [corners]
+    known, added = np.vstack([taken, corners]), [frame.border, corners]
     for side, (_, share) in zip(sides, _along(known, sides)):
         along = np.unique(np.r_[0.0, share, 1.0])
         gap = np.diff(along) * np.linalg.norm(side[1] - side[0])
