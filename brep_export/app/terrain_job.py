@@ -33,7 +33,7 @@ from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_s
 from recon.terrain.sections import contours_at, islands_above
 from recon.tolerance import Tolerance
 
-__all__ = ["lowest_place", "terrain"]
+__all__ = ["TOLERANCE", "lowest_place", "paint", "scale_of", "sidecar", "stretch_of", "terrain", "write_sidecar"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
@@ -64,15 +64,15 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
     report = gate(shape, TOLERANCE, kind, bench)
     room["g1_max_deg"] = _g1_max_deg(whole)
     beside = {path: partial(_write_lines, lines, ground) for path in _line_files(request)}
-    beside |= {_sidecar(path): partial(_write_sidecar, ground, scale) for path in _shape_files(request)}
+    beside |= {sidecar(path): partial(write_sidecar, ground.origin, ground.crs, scale) for path in _shape_files(request)}
     report, written = write_files(
         shape,
         report,
         dict(request) | {"name": request["name"] or "terrain", "outputs": _shape_files(request)},
         bench,
-        paint=partial(_paint, shape, report),
+        paint=partial(paint, shape, report),
         beside=beside,
-        measured=partial(_measured, contours, ground, against, _stretch(request)),
+        measured=partial(_measured, contours, ground, against, stretch_of(request)),
         sheets=[partial(_draw_map, contours, ground, against)],
     )
     reasons = tuple(str(defect) for defect in report.defects)
@@ -96,7 +96,7 @@ def _check_request(request: Mapping[str, Any]) -> None:
         raise BadOption("--contours", f"say at which interval the contours in {_line_files(request)[0]} lie")
     if request["contours"] is not None and not _line_files(request):
         raise BadOption("--contours", "name a .geojson file with -o for the contours")
-    sidecars = [_sidecar(path) for path in _shape_files(request)]
+    sidecars = [sidecar(path) for path in _shape_files(request)]
     check_destinations({**request, "outputs": sidecars, "endings": (".json",), "picture": None, "report": None})
 
 
@@ -116,7 +116,7 @@ def _shape_files(request: Mapping[str, Any]) -> list[str]:
     return [path for path in request["outputs"] if Path(path).suffix.lower() != LINES_ENDING]
 
 
-def _sidecar(path: str) -> str:
+def sidecar(path: str) -> str:
     """Beside an output, under its whole name: the map's own file may well be called hill.json."""
     return f"{path}.json"
 
@@ -189,7 +189,7 @@ def _to_be_cut(
 def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, ShapeKind, float]:
     """The open shell of the ground, or the solids above the base that was asked for; and how long a metre is in it."""
     depth, level = request["base_depth"], request["base_level"]
-    scale, stretch = _scale(request["scale"]), _stretch(request)
+    scale, stretch = scale_of(request["scale"]), stretch_of(request)
     network = terrain_network(ground)
     lowest = lowest_place(network)
     if depth is None and level is None:
@@ -200,13 +200,13 @@ def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, S
     return side_by_side(solids), ShapeKind.SOLID if len(solids) == 1 else ShapeKind.COMPOUND, scale
 
 
-def _stretch(request: Mapping[str, Any]) -> NDArray[np.float64]:
+def stretch_of(request: Mapping[str, Any]) -> NDArray[np.float64]:
     """Factors from metres of the ground to the file, of x, y and z."""
-    scale = _scale(request["scale"])
+    scale = scale_of(request["scale"])
     return scale * np.array([1.0, 1.0, float(request["exaggerate"] or 1.0)])
 
 
-def _scale(text: str | None) -> float:
+def scale_of(text: str | None) -> float:
     """Length in the file for one metre of the ground: 1, or 1/25000 for 1:25000."""
     if text is None:
         return 1.0
@@ -258,8 +258,9 @@ def _write_lines(lines: ContourMap | None, ground: Terrain, path: Path) -> None:
     path.write_text(json.dumps(content), encoding="utf-8")
 
 
-def _write_sidecar(ground: Terrain, scale: float, path: Path) -> None:
-    content = {"origin": [float(x) for x in ground.origin], "crs": ground.crs or None, "scale": scale, "unit": "m"}
+def write_sidecar(origin: NDArray[np.float64], crs: str, scale: float, path: Path) -> None:
+    """Where the file's zero lies on the map, and how long a metre is in it."""
+    content = {"origin": [float(x) for x in origin], "crs": crs or None, "scale": scale, "unit": "m"}
     path.write_text(json.dumps(content), encoding="utf-8")
 
 
@@ -333,7 +334,7 @@ def _draw_map(contours: ContourMap, ground: Terrain, against: HeightGrid | None,
     draw_map(path, contours, ground, against)
 
 
-def _paint(shape: TopoDS_Shape, report: CheckReport, path: Path) -> None:
+def paint(shape: TopoDS_Shape, report: CheckReport, path: Path) -> None:
     """In raking light chords a metre off a face look like creases: small grounds are cut finer than for the gate."""
     from brep_export.app.pictures import CLAY, Part, View, draw
     from brep_export.triangulation import triangulate

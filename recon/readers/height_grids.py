@@ -4,17 +4,22 @@ JSON  {"width": nx, "height": ny, "values": [...]} row by row, north to south; "
 """
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import ReconError, UnreadableFile
 from recon.geometry.contour_map import HeightGrid
+from recon.geometry.height_source import HeightSource
 from recon.readers.content import file_bytes, file_text, require_plain_file
 from recon.readers.projection import IN_DEGREES, in_utm_grid, require_rasterio
 
-__all__ = ["GRID_ENDINGS", "read_height_grid"]
+__all__ = ["GRID_ENDINGS", "open_height_grid", "read_height_grid"]
 
 Floats = NDArray[np.float64]
 
@@ -29,10 +34,50 @@ def read_height_grid(path: str | Path, *, project: bool = False) -> HeightGrid:
     Raises   UnreadableFile, UnsupportedFormat, BadGeometry.
     """
     file = require_plain_file(path, GRID_ENDINGS)
-    try:
+    with _told_of(file):
         if file.suffix.lower() in (".asc", ".json"):
             return _ascii(file) if file.suffix.lower() == ".asc" else _json(file)
         return _raster(file, project=project)
+
+
+def open_height_grid(path: str | Path, *, project: bool = False) -> HeightSource:
+    """The same grid, read window by window; a text file, and one that is brought from degrees, as a whole all the same.
+
+    Raises   as `read_height_grid`, for a faulty part once that is read.
+    """
+    file = require_plain_file(path, GRID_ENDINGS)
+    if file.suffix.lower() in (".asc", ".json"):
+        return HeightSource.of(read_height_grid(file))
+    rasterio = require_rasterio(str(path))
+    with _told_of(file), rasterio.open(file) as source:
+        if source.crs is None or not source.crs.is_geographic:
+            x, y = _axes(file, source.transform, source.shape)
+            return HeightSource(x, y, "" if source.crs is None else source.crs.to_string(), _Windows(file, len(y)))
+    return HeightSource.of(read_height_grid(file, project=project))
+
+
+@dataclass(frozen=True)
+class _Windows:
+    """Reads windows of a raster, which lies with the north up."""
+
+    path: Path
+    n_rows: int
+
+    def __call__(self, rows: slice, columns: slice) -> Floats:
+        rasterio = require_rasterio(str(self.path))
+        first, stop, _ = rows.indices(self.n_rows)
+        with _told_of(self.path), rasterio.open(self.path) as source:
+            left, right, _ = columns.indices(source.width)
+            window = rasterio.windows.Window(left, self.n_rows - stop, right - left, stop - first)
+            band = source.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
+        return np.asarray(band[::-1])
+
+
+@contextmanager
+def _told_of(path: Path) -> Iterator[None]:
+    """What goes wrong in reading, said of the file."""
+    try:
+        yield
     except ReconError:
         raise
     except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError, RecursionError) as problem:
@@ -71,13 +116,18 @@ def _raster(path: Path, *, project: bool) -> HeightGrid:
             way, crs = source.transform, source.crs
     except rasterio.errors.RasterioError as problem:
         raise UnreadableFile(str(path), f"is no grid that rasterio reads ({problem})") from problem
-    if way.b or way.d or way.e >= 0:
-        raise UnreadableFile(str(path), "is turned or stands on its head", "Resample it to a grid with north up")
+    _axes(path, way, band.shape)
     label = "" if crs is None else crs.to_string()
     if crs is not None and crs.is_geographic:
         if not project:
             raise UnreadableFile(str(path), "has coordinates in degrees", IN_DEGREES)
         band, way, label = in_utm_grid(band, way, crs, str(path))
-    ny, nx = band.shape
-    x, y = way.c + way.a * (np.arange(nx) + 0.5), way.f + way.e * (np.arange(ny)[::-1] + 0.5)
-    return HeightGrid(x, y, band[::-1], label)
+    return HeightGrid(*_axes(path, way, band.shape), band[::-1], label)
+
+
+def _axes(path: Path, way: Any, shape: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Coordinates of the columns and rows of a raster from its transform."""
+    if way.b or way.d or way.e >= 0:
+        raise UnreadableFile(str(path), "is turned or stands on its head", "Resample it to a grid with north up")
+    ny, nx = shape
+    return way.c + way.a * (np.arange(nx) + 0.5), way.f + way.e * (np.arange(ny)[::-1] + 0.5)

@@ -11,7 +11,7 @@
 Tiles are counted as sheets of a map are: rows from the north, columns from the west.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -26,7 +26,7 @@ from recon.terrain.contouring import clear_of_multiples, contours_through, least
 from recon.terrain.pipeline import SHARE_OF_SPACING, Terrain, TerrainOptions, terrain_surface
 from recon.terrain.seams import Stretch, node_vertex, seam_vertices
 
-__all__ = ["MapTiles", "TiledMap", "plan_tiles"]
+__all__ = ["MapTiles", "Place", "TiledMap", "plan_tiles"]
 
 Floats = NDArray[np.float64]
 Place = tuple[int, int]
@@ -207,9 +207,3 @@ class MapTiles:
         grid = clear_of_multiples(self.plan.source.window(*more), self.plan.interval, self.plan.step)
         j, i = (slice(part.start - wide.start, part.stop - wide.start) for part, wide in zip((rows, columns), more))
         return HeightGrid(grid.x[i], grid.y[j], grid.heights[j, i], grid.crs)
-
-
-def all_tiles(plan: TiledMap) -> Iterator[Place]:
-    """Every tile, row by row."""
-    n_rows, n_columns = plan.shape
-    return ((r, c) for r in range(n_rows) for c in range(n_columns))

@@ -10,7 +10,7 @@ from recon.geometry.bspline import BSplineSurface
 from recon.geometry.patches import COLLAPSED, PatchNetwork
 from recon.terrain.pipeline import Terrain
 
-__all__ = ["joined_network", "stretched", "terrain_network"]
+__all__ = ["border_angles", "joined_network", "stretched", "terrain_network"]
 
 
 def terrain_network(terrain: Terrain) -> PatchNetwork:
@@ -63,6 +63,31 @@ def joined_network(parts: Sequence[PatchNetwork]) -> PatchNetwork:
     return PatchNetwork(
         patches, vertices, ends[kept], np.vstack(sides), np.vstack(forward).astype(np.int64), corners
     )
+
+
+def border_angles(parts: Sequence[PatchNetwork], samples: int = 5) -> NDArray[np.float64]:
+    """(n,) angles in radians between the tangent planes of two parts at points of the edges that they share."""
+    whole = joined_network(parts)
+    part = np.repeat(np.arange(len(parts)), [len(p.patches) for p in parts])
+    patch, side = np.nonzero(whole.side_edges != COLLAPSED)
+    edge = whole.side_edges[patch, side]
+    order = np.argsort(edge, kind="stable")
+    first = order[:-1][(edge[order][1:] == edge[order][:-1])]
+    second = order[1:][(edge[order][1:] == edge[order][:-1])]
+    across = part[patch[first]] != part[patch[second]]
+    t = (np.arange(samples) + 0.5) / samples
+    found = []
+    for a, b in zip(first[across].tolist(), second[across].tolist()):
+        one, other = (_side_normals(whole, int(patch[k]), int(side[k]), t) for k in (a, b))
+        found.append(np.arcsin(np.clip(np.linalg.norm(np.cross(one, other), axis=1), 0.0, 1.0)))
+    return np.concatenate([np.empty(0), *found])
+
+
+def _side_normals(network: PatchNetwork, patch: int, side: int, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) unit normals along a side at parameters of its edge."""
+    t = t if network.side_forward[patch, side] else 1.0 - t
+    fixed = np.full(len(t), 1.0 if side in (1, 2) else 0.0)
+    return network.patches[patch].normal(np.column_stack([t, fixed] if side in (0, 2) else [fixed, t]))
 
 
 def stretched(network: PatchNetwork, factors: NDArray[np.float64]) -> PatchNetwork:

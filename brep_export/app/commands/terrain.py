@@ -12,6 +12,7 @@ from brep_export.app.front_desk import answer
 __all__ = ["terrain"]
 
 JOB = "brep_export.app.terrain_job:terrain"
+TILES_JOB = "brep_export.app.terrain_tiles_job:terrain_tiles"
 
 
 class PatchKind(StrEnum):
@@ -86,8 +87,26 @@ def terrain(
         ),
     ] = None,
     against: Annotated[Path | None, typer.Option(help="Height grid to measure the ground against.")] = None,
+    tile: Annotated[
+        float | None,
+        typer.Option(
+            help="Make a large grid by tiles of about so many kilometres, a file each (hill-r0-c0.step).",
+            metavar="KM",
+            min=1e-6,
+        ),
+    ] = None,
+    only: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the tiles these alone: rows from the north, columns from the west, from 0, as 0-2,4-6.",
+            metavar="ROWS,COLUMNS",
+        ),
+    ] = None,
+    join: Annotated[bool, typer.Option("--join", help="The chosen tiles as one shape in one file.")] = False,
     allow_open: AllowOpen = False,
     **usual: Any,
 ) -> None:
     """Smooth mountain of G1 faces, or a solid, from contour lines."""
-    answer("terrain", JOB, locals() | {"more_endings": (".geojson",)}, header_unit="M")
+    if tile is None and (only is not None or join):
+        raise typer.BadParameter("goes with --tile", param_hint="--join" if join else "--only")
+    answer("terrain", JOB if tile is None else TILES_JOB, locals() | {"more_endings": (".geojson",)}, header_unit="M")
