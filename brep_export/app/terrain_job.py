@@ -64,7 +64,9 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
     report = gate(shape, TOLERANCE, kind, bench)
     room["g1_max_deg"] = _g1_max_deg(whole)
     beside = {path: partial(_write_lines, lines, ground) for path in _line_files(request)}
-    beside |= {sidecar(path): partial(write_sidecar, ground.origin, ground.crs, scale) for path in _shape_files(request)}
+    beside |= {
+        sidecar(path): partial(write_sidecar, ground.origin, ground.crs, scale) for path in _shape_files(request)
+    }
     report, written = write_files(
         shape,
         report,

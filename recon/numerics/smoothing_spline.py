@@ -5,7 +5,7 @@
     t_0 ... t_n       knots; three more on either side make them `padded`, so that t_j is padded[j + 3]
     h_j               width of the span from t_j to t_j+1
     c_j ... c_j+3     coefficients of span j, counted round on a ring
-    ends              first and second derivative that an open spline has at its first and last point, where they are given
+    ends              first and second derivative of an open spline at its first and last point, where they are given
 
 The normal equations have three diagonals beside the main one, and three unknowns more that close a ring: a Cholesky
 factor of the band, with those three as its border, costs a fixed time a knot.

@@ -151,7 +151,7 @@ class Border:
 
 
 def _between(line: Floats, ends: Floats) -> Floats:
-    """The line (n, 2) with other ends (2, 2), and without its points that are nearer to these than the way they moved."""
+    """The line (n, 2) with other ends (2, 2), without its points beside them: within twice the way that they moved."""
     aside = ASIDE * np.linalg.norm(line[[0, -1]] - ends, axis=1)
     step = np.linalg.norm(np.diff(line, axis=0), axis=1)
     at = np.r_[0.0, np.cumsum(step)]

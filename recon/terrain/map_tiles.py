@@ -105,10 +105,10 @@ def plan_tiles(source: HeightSource, interval: float, size: float, tolerance: fl
 
 def _cut(axis: Floats, size: float) -> tuple[int, ...]:
     cell = (axis[-1] - axis[0]) / (len(axis) - 1)
-    n = int(round(size / cell))
+    n = round(size / cell)
     if n < FEWEST:
         raise BadOption("--tile", f"must be {FEWEST * cell / 1000:g} km or more, {FEWEST} cells of the grid")
-    count = max(1, int(round((len(axis) - 1) / n)))
+    count = max(1, round((len(axis) - 1) / n))
     return (*(n * k for k in range(count)), len(axis) - 1)
 
 
@@ -120,10 +120,8 @@ def _looked_through(source: HeightSource) -> tuple[float, float, float]:
         unknown = np.argwhere(~np.isfinite(z))
         if len(unknown):
             j, i = unknown[0]
-            raise BadGeometry(
-                "grid",
-                f"has no height near ({source.x[i]:.1f}, {source.y[first + j]:.1f}); tiles need all: fill its voids first",
-            )
+            where = f"({source.x[i]:.1f}, {source.y[first + j]:.1f})"
+            raise BadGeometry("grid", f"has no height near {where}; tiles need all: fill its voids first")
         ranges.append((z.min(), z.max(), least_step(z)))
     low, high, step = np.array(ranges).T
     return float(low.min()), float(high.max()), float(step.min())
@@ -143,7 +141,7 @@ class MapTiles:
         """
         rows, columns = self.plan.extent(tile)
         doing("finding the borders")
-        border = Border(self.plan.origin, self.plan.spacing, self.plan.interval, self.around(tile))
+        border = self._border(self.around(tile))
         contours = self._contours(rows, columns)
         if contours is None:
             x, y = self.plan.source.x[columns.start], self.plan.source.y[rows.start]
@@ -187,10 +185,15 @@ class MapTiles:
         columns = slice(max(start[1] - MARGIN, 0), min(end[1] + MARGIN, nx - 1) + 1)
         grid = self._heights(rows, columns)
         contours = contours_through(grid, self._levels(grid))
-        ground = None if contours is None else terrain_surface(contours, self.plan.options)
+        border = self._border(BorderVertices.none())
+        told = contours is not None and np.ptp(contours.heights) > 0  # one level tells no slope
+        ground = terrain_surface(contours, self.plan.options, border=border) if told and contours else None
         offset = rows.start, columns.start
         places = [(j - offset[0], i - offset[1]) for j, i in (start, end)]
         return Stretch(grid, places[0], places[1], ground, self.plan.origin, self.plan.spacing, self.plan.interval)
+
+    def _border(self, vertices: BorderVertices) -> Border:
+        return Border(self.plan.origin, self.plan.spacing, self.plan.interval, vertices)
 
     def _contours(self, rows: slice, columns: slice) -> ContourMap | None:
         grid = self._heights(rows, columns)

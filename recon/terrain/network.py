@@ -60,9 +60,7 @@ def joined_network(parts: Sequence[PatchNetwork]) -> PatchNetwork:
         forward.append(part.side_forward ^ (used & turned[own]))
     corners = np.vstack([number[part.corner_vertices + at] for part, at in zip(parts, first)])
     patches = tuple(patch for part in parts for patch in part.patches)
-    return PatchNetwork(
-        patches, vertices, ends[kept], np.vstack(sides), np.vstack(forward).astype(np.int64), corners
-    )
+    return PatchNetwork(patches, vertices, ends[kept], np.vstack(sides), np.vstack(forward).astype(np.int64), corners)
 
 
 def border_angles(parts: Sequence[PatchNetwork], samples: int = 5) -> NDArray[np.float64]:

@@ -233,4 +233,4 @@ def _segments(splines: list[_Spline], samples: ContourSamples) -> ContourCurves:
     span = np.concatenate([np.diff(s.knots) for s in splines])
     owner = np.repeat(np.arange(len(splines)), [len(s.knots) - 1 for s in splines])
     curves = segments_of(bezier, span, owner, samples.closed, samples.heights)
-    return replace(curves, bound=np.isfinite(samples.ends).any(axis=(1, 2, 3)))
+    return replace(curves, bound=np.asarray(np.isfinite(samples.ends).any(axis=(1, 2, 3))))

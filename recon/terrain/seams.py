@@ -1,10 +1,10 @@
 """The vertices along the border between two map tiles, taken from a ground that is made across it.
 
-    raw     contours of the grid cross the border where its heights say: which do, in which order, is told by these alone
-    fitted  the ground's own curves cross near there; where one does, the vertex takes its place, tangent and curvature
+raw     contours of the grid cross the border where its heights say: which do, in which order, is told by these alone
+fitted  the ground's own curves cross near there; where one does, the vertex takes its place, tangent and curvature
 
-    heights and gradients   those of the ground across the border
-    Hessians                differences of its gradients, over half the way to the next vertex
+heights and gradients   those of the ground across the border
+Hessians                differences of its gradients, over half the way to the next vertex
 """
 
 from dataclasses import dataclass, replace
@@ -36,7 +36,8 @@ INSIDE = 0.02  # of the interval that free vertices keep from the contours' leve
 SHORTER = 0.99  # of the way between vertices on a border: no tile puts further ones between
 ROUNDS, FACTORS = 20, (0.3, 0.8)
 SAMPLES = np.linspace(0.0, 1.0, 9)
-AROUND = 6  # cells about a place without any contour that give its slope
+WIDE = 40.0  # spacings between crossings beyond which the grid's own heights are taken between them
+AROUND = 12  # cells about a place that give height and slope there, where contours do not
 SHARE = 0.5  # of the way to the next vertex over which gradients are compared
 
 
@@ -71,17 +72,17 @@ class Stretch:
     def along(self) -> tuple[Floats, Floats, Floats]:
         """Distance from the start, height, and slope across to the left, at all nodes of the grid on the stretch."""
         (j, i), (to_j, to_i) = self.start, self.end
-        across_rows, across_columns = np.gradient(self.grid.heights, self.grid.y, self.grid.x)
+        x, y, z = self.grid.x, self.grid.y, self.grid.heights
         if j == to_j:
-            pick = np.s_[j, i : to_i + 1]
-            return self.grid.x[pick[1]] - self.grid.x[i], self.grid.heights[pick], across_rows[pick]
-        pick = np.s_[j : to_j + 1, i]
-        return self.grid.y[pick[0]] - self.grid.y[j], self.grid.heights[pick], -across_columns[pick]
+            on = slice(i, to_i + 1)
+            return x[on] - x[i], z[j, on], np.asarray(np.gradient(z, y, axis=0))[j, on]
+        on = slice(j, to_j + 1)
+        return y[on] - y[j], z[on, i], -np.asarray(np.gradient(z, x, axis=1))[on, i]
 
 
 @dataclass(frozen=True, eq=False)
 class _Crossings:
-    """Where contours cross a stretch: distance from its start, level, whether heights rise along it, tangent, curvature."""
+    """Where contours cross a stretch: distance from its start, level, whether heights rise, tangent, curvature."""
 
     at: Floats
     level: Floats
@@ -111,6 +112,8 @@ def seam_vertices(stretch: Stretch, first: BorderVertices, last: BorderVertices)
     points = first.points + at[:, None] * stretch.way
     gap = np.diff(np.r_[edges.at, length])
     jets = _jets(stretch, points, SHARE * np.minimum(gap[:-1], gap[1:]))
+    plain = np.flatnonzero(edges.wide[1:] & ~met)
+    jets = jets.with_rows(plain, _plain_jets(stretch, points[plain]))
     made = _free(points, jets, edges.low[1:], edges.low[1:] + stretch.interval)
     made.met[met], made.tangent[met] = first.points + raw.at[:, None] * stretch.way, crossings.tangent
     made.curvature[met] = crossings.curvature
@@ -155,14 +158,10 @@ def _curve_crossings(stretch: Stretch) -> _Crossings:
     off, far = net @ turned_quarter(way), net @ way
     length = float((stretch.place(stretch.end) - stretch.place(stretch.start)) @ way)
     near = (off.min(axis=1) <= 0) & (off.max(axis=1) >= 0) & (far.max(axis=1) >= 0) & (far.min(axis=1) <= length)
-    rows = []
-    for k in np.flatnonzero(near).tolist():
-        for t in _roots(off[k]):
-            rows.append((k, t))
-    segment, t = np.array([k for k, _ in rows], dtype=np.int64), np.array([t for _, t in rows])
-    b = net[segment]
-    u = (1 - t)[:, None]
-    t = t[:, None]
+    rows = [(k, share) for k in np.flatnonzero(near).tolist() for share in _roots(off[k])]
+    segment = np.array([k for k, _ in rows], dtype=np.int64)
+    b, t = net[segment], np.array([[share] for _, share in rows]).reshape(-1, 1)
+    u = 1 - t
     point = u**3 * b[:, 0] + 3 * u * u * t * b[:, 1] + 3 * u * t * t * b[:, 2] + t**3 * b[:, 3]
     d1 = 3 * (u * u * (b[:, 1] - b[:, 0]) + 2 * u * t * (b[:, 2] - b[:, 1]) + t * t * (b[:, 3] - b[:, 2]))
     d2 = 6 * (u * (b[:, 2] - 2 * b[:, 1] + b[:, 0]) + t * (b[:, 3] - 2 * b[:, 2] + b[:, 1]))
@@ -208,12 +207,20 @@ def _fitted(raw: _Crossings, curves: _Crossings, length: float, spacing: float) 
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Edges of a seam: where each begins, whether at a crossing, the contour below it, whether the one above is known."""
+    """Edges of a seam.
+
+    at     (n,) distance from the seam's start at which each begins
+    met    (n,) whether that is a crossing
+    low    (n,) height of the contour below
+    ended  (n,) whether the crossings before and after are of one level, or only one is there
+    wide   (n,) whether these crossings are far apart, so that contours tell little of the ground
+    """
 
     at: Floats
     met: Flags
     low: Floats
     ended: Flags
+    wide: Flags
 
 
 def _edges(stretch: Stretch, crossings: _Crossings, length: float) -> _Edges:
@@ -232,7 +239,7 @@ def _edges(stretch: Stretch, crossings: _Crossings, length: float) -> _Edges:
     leg = np.repeat(np.arange(len(gap)), parts)
     step = np.arange(len(leg)) - np.repeat(np.cumsum(parts) - parts, parts)
     at = ends[leg] + step / parts[leg] * gap[leg]
-    return _Edges(at, (step == 0) & (leg > 0), low[leg], ended[leg])
+    return _Edges(at, (step == 0) & (leg > 0), low[leg], ended[leg], gap[leg] > WIDE * stretch.spacing)
 
 
 def _gap_floors(stretch: Stretch, crossings: _Crossings) -> Floats:
@@ -250,9 +257,10 @@ def _jets(stretch: Stretch, points: Floats, reach: Floats) -> VertexJets:
     places = np.vstack([points, *(points + step for step in steps)]) + stretch.origin
     height, gradient = elevations(stretch.ground, places)
     z, g = height[:n], gradient.reshape(5, n, 2)
-    lost = ~np.isfinite(z) | ~np.isfinite(g[0]).all(axis=1)
-    plain = _plain_jets(stretch, points)
-    z, here = np.where(lost, plain.height, z), np.where(lost[:, None], plain.gradient, g[0])
+    here = g[0]
+    lost = np.flatnonzero(~np.isfinite(z) | ~np.isfinite(here).all(axis=1))
+    plain = _plain_jets(stretch, points[lost])
+    z[lost], here[lost] = plain.height, plain.gradient
     change = [_difference(here, g[k], g[k + 1], reach) for k in (1, 3)]
     hessian = np.stack(change, axis=1)
     return VertexJets(z, here, (hessian + hessian.transpose(0, 2, 1)) / 2)
@@ -260,9 +268,9 @@ def _jets(stretch: Stretch, points: Floats, reach: Floats) -> VertexJets:
 
 def _difference(here: Floats, ahead: Floats, behind: Floats, reach: Floats) -> Floats:
     """(n, 2) derivatives from values on both sides, or on the one that lies on the map."""
-    a, b = np.isfinite(ahead).all(axis=1)[:, None], np.isfinite(behind).all(axis=1)[:, None]
-    rise = np.where(a, ahead, here) - np.where(b, behind, here)
-    return np.asarray(rise / (np.maximum(a.astype(int) + b, 1) * reach[:, None]))
+    known = [np.asarray(np.isfinite(side).all(axis=1))[:, None] for side in (ahead, behind)]
+    rise = np.where(known[0], ahead, here) - np.where(known[1], behind, here)
+    return np.asarray(rise / (np.maximum(known[0].astype(int) + known[1], 1) * reach[:, None]))
 
 
 def _plain_jets(stretch: Stretch, points: Floats) -> VertexJets:

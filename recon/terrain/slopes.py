@@ -49,9 +49,7 @@ def turned_quarter(vectors: Floats) -> Floats:
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
 
-def vertex_slopes(
-    tiling: Tiling, normals: Floats, limits: Levels, told: tuple[Ints, VertexSlopes]
-) -> VertexSlopes:
+def vertex_slopes(tiling: Tiling, normals: Floats, limits: Levels, told: tuple[Ints, VertexSlopes]) -> VertexSlopes:
     """Heights and gradients at all vertices.
 
     normals   (C, 2) unit normals of the contours at their vertices, to the left

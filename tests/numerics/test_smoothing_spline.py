@@ -76,3 +76,21 @@ def test_knots_are_added_until_no_point_is_missed_by_more(ring):
     away = np.linalg.norm(points[:, None] - dense.reshape(1, -1, 2), axis=2).min(axis=1)
     assert away.max() < 0.08
     assert len(width) < 60
+
+
+@pytest.mark.parametrize("n", [3, 4, 9])
+def test_given_ends_are_kept_and_the_rest_fits_as_before(n):
+    points, s, weight = wave(90)
+    knots = np.linspace(0.0, s[-1], n + 1)
+    ends = np.array([[[0.8, 0.6], [-0.003, 0.004]], [[1.0, 0.1], [0.0, -0.02]]])
+    found = fitted_coefficients(points, weight, s, knots, False, np.full(n, STIFFNESS), ends)
+    spline = BSpline(np.r_[[0.0] * 3, knots, [s[-1]] * 3], found, 3)
+    for place, point, (way, bend) in zip((0.0, s[-1]), points[[0, -1]], ends):
+        np.testing.assert_allclose(spline(place), point, atol=1e-9)
+        np.testing.assert_allclose(spline(place, 1), way, atol=1e-9)
+        np.testing.assert_allclose(spline(place, 2), bend, atol=1e-9)
+    free = fitted_coefficients(points, weight, s, knots, False, np.full(n, STIFFNESS), FREE_ENDS)
+    loose = BSpline(spline.t, free, 3)
+    own = np.stack([loose([0.0, s[-1]], nu) for nu in (1, 2)], axis=1)
+    again = fitted_coefficients(points, weight, s, knots, False, np.full(n, STIFFNESS), own)
+    np.testing.assert_allclose(again, free, atol=1e-8)  # to ask for what it does anyway changes nothing

@@ -1,0 +1,60 @@
+"""`recon terrain --tile`: a file a tile, or the chosen ones as one solid; and what it refuses."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from brep_export.app.cli import app
+
+
+@pytest.fixture
+def ridge(tmp_path):
+    x, y = np.meshgrid(10.0 * np.arange(41), 10.0 * np.arange(37))
+    z = 4.0 + 60.0 * np.exp(-(((x - 0.6 * y - 80) / 90) ** 2)) + 0.05 * y
+    path = tmp_path / "ridge.json"
+    path.write_text(json.dumps({"width": 41, "height": 37, "values": z[::-1].ravel().tolist()}))
+    return path
+
+
+def run(path, *arguments):
+    return CliRunner().invoke(app, ["terrain", str(path), "--interval", "10", "--json", *map(str, arguments)])
+
+
+def test_every_tile_becomes_a_closed_block_in_a_file_of_its_own(ridge, tmp_path):
+    answer = run(ridge, "--tile", 0.2, "--only", "0-1,0", "--base-depth", 20, "-o", tmp_path / "r.step")
+    result = json.loads(answer.stdout)
+    assert result["reasons"] == []
+    assert result["room"]["lattice"] == [2, 2]
+    assert result["kernel"]["solids"] == 2
+    assert sorted(p.name for p in tmp_path.glob("r*.step")) == ["r-r0-c0.step", "r-r1-c0.step"]
+    sidecars = [json.loads((tmp_path / f"r-r{row}-c0.step.json").read_text()) for row in (0, 1)]
+    assert sidecars[0] == sidecars[1]
+
+
+def test_joined_tiles_are_one_solid_without_walls_within(ridge, tmp_path):
+    answer = run(ridge, "--tile", 0.2, "--join", "--base-depth", 20, "-o", tmp_path / "r.step")
+    result = json.loads(answer.stdout)
+    assert result["reasons"] == []
+    assert result["kernel"]["solids"] == 1
+    assert result["kernel"]["faces"] == result["room"]["patches"] + 5
+    assert result["room"]["border_max_deg"] < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--tile", 0.2, "--only", "0,7"], "2 rows and 2 columns"),
+        (["--tile", 0.2, "--only", "all"], "0-2,4-6"),
+        (["--tile", 0.01], "--tile"),
+        (["--tile", 0.2, "--clip", "0,0,9,9"], "--clip"),
+        (["--tile", 0.2, "--picture", "r.png"], "--join"),
+        (["--join"], "--tile"),
+    ],
+)
+def test_what_does_not_go_by_tiles_is_refused(ridge, tmp_path, arguments, named):
+    answer = run(ridge, *arguments, "-o", tmp_path / "r.step")
+    assert answer.exit_code == 2
+    assert named in answer.output
+    assert not list(tmp_path.glob("r*.step"))

@@ -1,0 +1,125 @@
+"""Tiles of a large map: what neighbours share, that they join, that nothing depends on which are made."""
+
+import numpy as np
+import pytest
+from generated_mountains import mountain_grid
+
+from brep_export.app.terrain_job import TOLERANCE, lowest_place
+from brep_export.blocks import block_solid
+from brep_export.check import ShapeKind, check
+from recon.errors import BadGeometry, BadOption
+from recon.geometry.contour_map import HeightGrid
+from recon.geometry.height_source import HeightSource
+from recon.terrain.contouring import contour_grid
+from recon.terrain.evaluation import edge_angles, elevations
+from recon.terrain.map_tiles import MapTiles, plan_tiles
+from recon.terrain.network import border_angles, joined_network, terrain_network
+from recon.terrain.pipeline import terrain_surface
+
+INTERVAL, SIZE = 10.0, 400.0
+
+
+def rough_grid(seed, n=121, cell=10.0):
+    """Fractal heights between 0 and 120 m."""
+    random = np.random.default_rng(seed)
+    k = np.hypot(*np.meshgrid(np.fft.fftfreq(n), np.fft.fftfreq(n)))
+    k[0, 0] = np.inf
+    z = np.fft.ifft2(np.fft.fft2(random.normal(size=(n, n))) * k**-2.6).real
+    return HeightGrid(cell * np.arange(n), cell * np.arange(n), 0.1 * n * cell * (z - z.min()) / np.ptp(z))
+
+
+def tiles_of(grid):
+    return MapTiles(plan_tiles(HeightSource.of(grid), INTERVAL, SIZE))
+
+
+@pytest.fixture(scope="module")
+def grounds():
+    tiles = tiles_of(rough_grid(3))
+    assert tiles.plan.shape == (3, 3)
+    return {(r, c): tiles.tile((r, c)) for r in range(3) for c in range(3)}
+
+
+def test_nine_tiles_join_to_one_closed_solid_whose_top_is_smooth_across_their_borders(grounds):
+    networks = [terrain_network(ground) for ground in grounds.values()]
+    assert np.degrees(border_angles(networks).max()) < 1e-6
+    assert len(border_angles(networks)) > 100
+    whole = joined_network(networks)
+    report = check(block_solid(whole, lowest_place(whole) - 20, TOLERANCE), TOLERANCE, expect=ShapeKind.SOLID)
+    assert report.defects == ()
+    assert report.as_json()["closed"]
+    assert report.as_json()["solids"] == 1
+    assert len(whole.patches) + 5 == report.as_json()["faces"]  # four walls and the base: no wall within
+
+
+def test_neighbours_have_the_same_vertices_with_the_same_jets_to_the_last_bit(grounds):
+    west, east = grounds[1, 1], grounds[1, 2]
+    x = west.extent[1, 0]
+    assert x == east.extent[0, 0]
+    rows = []
+    for ground in (west, east):
+        on = np.flatnonzero(ground.tiling.points[:, 0] == x)
+        on = on[np.argsort(ground.tiling.points[on, 1])]
+        jets = ground.jets
+        flat = [ground.tiling.points[on], jets.height[on, None], jets.gradient[on], jets.hessian[on].reshape(-1, 4)]
+        rows.append(np.column_stack(flat))
+    assert len(rows[0]) > 8
+    np.testing.assert_array_equal(*rows)
+
+
+def test_a_tile_is_the_same_whichever_others_were_made_before(grounds):
+    alone = tiles_of(rough_grid(3)).tile((1, 1))
+    for one, other in zip(alone.nets, grounds[1, 1].nets, strict=True):
+        np.testing.assert_array_equal(one.nets, other.nets)
+
+
+def test_a_tile_looks_no_farther_than_its_margin():
+    grid = rough_grid(3)
+    heights = grid.heights.copy()
+    heights[-20:, :] += (
+        40.0 * np.linspace(0.0, 1.0, 20)[:, None]
+    )  # far north of the southern row of tiles and its margin
+    near = tiles_of(grid).tile((2, 0))
+    far = tiles_of(HeightGrid(grid.x, grid.y, heights)).tile((2, 0))
+    for one, other in zip(near.nets, far.nets, strict=True):
+        np.testing.assert_array_equal(one.nets, other.nets)
+
+
+def test_the_ground_by_tiles_is_as_near_to_the_heights_as_the_whole_one(grounds):
+    grid = rough_grid(3)
+    places, heights = grid.places()
+    miss = np.full(len(heights), np.nan)
+    for ground in grounds.values():
+        z = elevations(ground, places)[0]
+        miss = np.where(np.isfinite(z), z - heights, miss)
+    whole = elevations(terrain_surface(contour_grid(grid, INTERVAL)), places)[0] - heights
+    assert np.isfinite(miss).all()
+    assert np.sqrt((miss**2).mean()) < 1.1 * np.sqrt((whole**2).mean())
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_every_tile_of_a_smooth_mountain_is_smooth_and_closes_alone(seed):
+    tiles = MapTiles(plan_tiles(HeightSource.of(mountain_grid(seed)), 5.0, 250.0))
+    ground = tiles.tile((0, 1))
+    assert np.degrees(edge_angles(ground).max()) < 1e-5
+    network = terrain_network(ground)
+    report = check(block_solid(network, lowest_place(network) - 5, TOLERANCE), TOLERANCE, expect=ShapeKind.SOLID)
+    assert report.defects == ()
+
+
+def test_the_slope_at_a_corner_that_is_a_side_is_that_of_the_ground():
+    ground = terrain_surface(contour_grid(mountain_grid(1), INTERVAL))
+    vertices = np.unique(ground.layout.corners[ground.layout.is_triangle, 2])
+    found = elevations(ground, ground.tiling.points[vertices] + ground.origin)[1]
+    np.testing.assert_allclose(found, ground.jets.gradient[vertices], atol=1e-4)
+
+
+def test_a_grid_with_voids_or_too_small_tiles_is_refused():
+    grid = rough_grid(1)
+    heights = grid.heights.copy()
+    heights[5, 7] = np.nan
+    with pytest.raises(BadGeometry, match="fill its voids"):
+        tiles_of(HeightGrid(grid.x, grid.y, heights))
+    with pytest.raises(BadOption, match="--tile"):
+        plan_tiles(HeightSource.of(grid), INTERVAL, 100.0)
+    with pytest.raises(BadOption, match="no contour"):
+        plan_tiles(HeightSource.of(grid), 1000.0, SIZE)
