@@ -37,6 +37,7 @@ SHORTER = 0.99  # of the way between vertices on a border: no tile puts further 
 ROUNDS, FACTORS = 20, (0.3, 0.8)
 SAMPLES = np.linspace(0.0, 1.0, 9)
 WIDE = 40.0  # spacings between crossings beyond which the grid's own heights are taken between them
+FLAT = 0.25  # of the grid's own slope: what the ground across a border has at a contour at least
 AROUND = 12  # cells about a place that give height and slope there, where contours do not
 SHARE = 0.5  # of the way to the next vertex over which gradients are compared
 
@@ -82,13 +83,17 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class _Crossings:
-    """Where contours cross a stretch: distance from its start, level, whether heights rise, tangent, curvature."""
+    """Where contours cross a stretch: distance from its start, level, whether heights rise, tangent, curvature.
+
+    fitted  whether place, tangent and curvature are those of a fitted curve
+    """
 
     at: Floats
     level: Floats
     rises: Flags
     tangent: Floats
     curvature: Floats
+    fitted: Flags
 
     def __len__(self) -> int:
         return len(self.at)
@@ -112,12 +117,13 @@ def seam_vertices(stretch: Stretch, first: BorderVertices, last: BorderVertices)
     points = first.points + at[:, None] * stretch.way
     gap = np.diff(np.r_[edges.at, length])
     jets = _jets(stretch, points, SHARE * np.minimum(gap[:-1], gap[1:]))
-    plain = np.flatnonzero(edges.wide[1:] & ~met)
-    jets = jets.with_rows(plain, _plain_jets(stretch, points[plain]))
+    far = np.flatnonzero(edges.wide[1:] & ~met)
+    jets, plain = jets.with_rows(far, _plain_jets(stretch, points[far])), _plain_jets(stretch, points[met]).gradient
+    crossings = _turned_to(crossings, jets.gradient[met], stretch.way)
     made = _free(points, jets, edges.low[1:], edges.low[1:] + stretch.interval)
     made.met[met], made.tangent[met] = first.points + raw.at[:, None] * stretch.way, crossings.tangent
     made.curvature[met] = crossings.curvature
-    jets = made.jets.with_rows(np.flatnonzero(met), _on_contours(jets, met, crossings))
+    jets = made.jets.with_rows(np.flatnonzero(met), _on_contours(jets, met, crossings, plain))
     jets = _limited(VertexJets.joined([first.jets, jets, last.jets]), edges, gap, stretch)
     return replace(made, jets=jets, crossing=met)
 
@@ -147,7 +153,7 @@ def _raw_crossings(stretch: Stretch) -> _Crossings:
     left = (1 - share) * across[edge] + share * across[edge + 1]
     gradient = up[:, None] * stretch.way + left[:, None] * turned_quarter(stretch.way)
     tangent = -turned_quarter(gradient) / np.linalg.norm(gradient, axis=1, keepdims=True)
-    return _Crossings(at, level, rises, tangent, np.zeros(len(at)))
+    return _Crossings(at, level, rises, tangent, np.zeros(len(at)), np.zeros(len(at), dtype=bool))
 
 
 def _curve_crossings(stretch: Stretch) -> _Crossings:
@@ -171,7 +177,7 @@ def _curve_crossings(stretch: Stretch) -> _Crossings:
     rises = turned_quarter(tangent) @ way > 0
     kept = (np.abs(turned_quarter(tangent) @ way) > STEEP) & ~curves.straight[segment]
     level = curves.heights[curves.contour[segment]]
-    return _Crossings((point @ way)[kept], level[kept], rises[kept], tangent[kept], curvature[kept])
+    return _Crossings((point @ way)[kept], level[kept], rises[kept], tangent[kept], curvature[kept], kept[kept])
 
 
 def _roots(coefficients: Floats) -> list[float]:
@@ -202,7 +208,16 @@ def _fitted(raw: _Crossings, curves: _Crossings, length: float, spacing: float) 
     own = partner >= 0
     tangent, curvature = raw.tangent.copy(), raw.curvature.copy()
     tangent[own], curvature[own] = curves.tangent[partner[own]], curves.curvature[partner[own]]
-    return _Crossings(at, raw.level, raw.rises, tangent, curvature)
+    return _Crossings(at, raw.level, raw.rises, tangent, curvature, own)
+
+
+def _turned_to(crossings: _Crossings, gradient: Floats, way: Floats) -> _Crossings:
+    """The crossings, those without a curve with the tangent that the ground's gradient (c, 2) gives, if it does."""
+    size, along = np.linalg.norm(gradient, axis=1), gradient @ way
+    turned = ~crossings.fitted & (np.abs(along) > STEEP * size) & ((along > 0) == crossings.rises)
+    tangent = crossings.tangent.copy()
+    tangent[turned] = -turned_quarter(gradient[turned]) / size[turned, None]
+    return replace(crossings, tangent=tangent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,12 +301,17 @@ def _plain_jets(stretch: Stretch, points: Floats) -> VertexJets:
     return VertexJets(height, gradient, np.zeros((len(points), 2, 2)))
 
 
-def _on_contours(jets: VertexJets, chosen: Flags, crossings: _Crossings) -> VertexJets:
-    """The jets at crossings, made to agree with level, tangent and curvature of the contour."""
+def _on_contours(jets: VertexJets, chosen: Flags, crossings: _Crossings, plain: Floats) -> VertexJets:
+    """The jets at crossings, made to agree with level, tangent and curvature of the contour.
+
+    plain  (c, 2) gradients of the grid itself, taken where the ground is much flatter
+    """
     t = crossings.tangent
     n = turned_quarter(t)
-    slope = np.maximum(np.einsum("ij,ij->i", jets.gradient[chosen], n), 0.0)
-    hessian = jets.hessian[chosen]
+    slope, least = (np.maximum(np.einsum("ij,ij->i", g, n), 0.0) for g in (jets.gradient[chosen], plain))
+    flat = slope < FLAT * least
+    slope = np.where(flat, least, slope)
+    hessian = np.where(flat[:, None, None], 0.0, jets.hessian[chosen])
     tn, nn = np.einsum("ni,nij,nj->n", t, hessian, n), np.einsum("ni,nij,nj->n", n, hessian, n)
     tt = -slope * crossings.curvature
     both = t[:, :, None] * n[:, None, :]
