@@ -8,10 +8,15 @@
       |  P_3  |  P_0  |
       |       |       |             d/du P_{i-1}(0, t) + d/dv P_i(t, 0) = 2 cos(theta) (1 - t)^2 C_i'(t)
       '-------o-------'
-            spoke 0                 theta: 2 pi / n around a vertex, pi / n at a border, and at a corner the angle
+            spoke 0                 theta: 2 pi / n around a vertex, pi / n at a border
 
-The other poles are the constrained least-squares fit to points of the limit surface. Its matrices depend on the kind of
-vertex and the number of its faces alone: one table each, kept. The fit follows the surface's parametrisation, which
+At a corner theta is the angle between its borders over n, and as these start with tangents of different lengths, r times
+as long from each spoke to the next, the condition is
+
+    (1 + (r - 1) (1 - t)^2) d/du P_{i-1} + (1 + (1/r - 1) (1 - t)^2) d/dv P_i = 2 cos(theta) (1 - t)^2 C_i'
+
+The other poles are the constrained least-squares fit to points of the limit surface. But for corners, its matrices depend
+on the kind of vertex and the number of its faces alone: one table each, kept. The fit follows the surface's parametrisation, which
 no patch can; so rounds of Gauss-Newton steps then lower the distance along the surface's normals alone, by moves that
 leave the conditions as they are (columns of `ways`), with a little damping of moves along the surface:
 
@@ -22,17 +27,18 @@ K  quads around the vertex · poles are numbered 36 i + 6 a + b, equal ones once
 Paper  [loop2004], G1 patches over irregular vertices; [peters1991], the condition along a spoke.
 """
 
-from functools import cache
+from functools import lru_cache
 from math import comb
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.numerics.bernstein import bernstein, degree_elevation
 from recon.subdivision.evaluation import PatchArrays, points_at
 from recon.subdivision.sheets import Sheets, VertexKind
 
-__all__ = ["CapTable", "Caps", "cap_nets", "corner_angle", "fans", "finished_table", "solved_fans", "spoke_angle"]
+__all__ = ["BEZIER", "CapTable", "Caps", "Turn", "cap_nets", "corner_turn", "fans", "finished_table", "solved_fans"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,7 +49,7 @@ ROUNDS = 3
 STEPS = 2  # toward the feet of the samples, a round
 DAMPING = 0.03
 AT_ONCE = 48  # vertices, which bounds the memory
-ANGLE_STEPS = 24  # a corner's angle is rounded to so many parts of a half turn
+STRAIGHT = 1e-4  # radians from a half turn up to which the borders of a corner are taken for one line
 CURVES = 6.0  # weight of samples on the spokes
 
 
@@ -66,6 +72,35 @@ class CapTable(NamedTuple):
     basis: Floats
 
 
+class Turn(NamedTuple):
+    """What the spokes around a vertex share.
+
+    kind, n_faces  of the vertex
+    angle          radians between its first and last spoke, through the surface, and
+    ratio          how many times as long each tangent is as the one before; both matter at a corner only
+    """
+
+    kind: VertexKind
+    n_faces: int
+    angle: float = 0.0
+    ratio: float = 1.0
+
+    @property
+    def is_closed(self) -> bool:
+        return self.kind in (VertexKind.SMOOTH, VertexKind.DART)
+
+    @property
+    def inner_spokes(self) -> range:
+        """Numbers of the spokes along which tangent planes agree."""
+        return range(0 if self.kind == VertexKind.SMOOTH else 1, self.n_faces)
+
+    @property
+    def theta(self) -> float:
+        """The angle between neighbouring spokes, in the plane of which the tangent plane is an affine image."""
+        around = 2.0 * np.pi if self.is_closed else np.pi if self.kind == VertexKind.BORDER else self.angle
+        return float(around / self.n_faces)
+
+
 class Caps(NamedTuple):
     """faces (M,) and nets (M, 6, 6, 3) of the bi-quintic patches; off (M,) largest distance found to the limit."""
 
@@ -81,13 +116,6 @@ def sample_places() -> tuple[Floats, Floats]:
     return u.ravel(), v.ravel()
 
 
-def bernstein(degree: int, t: Floats) -> Floats:
-    """(n, degree + 1) Bernstein polynomials."""
-    i = np.arange(degree + 1)
-    count = np.array([comb(degree, k) for k in i])
-    return count * t[:, None] ** i * (1.0 - t[:, None]) ** (degree - i)
-
-
 def _surface_basis(u: Floats, v: Floats) -> Floats:
     return np.einsum("ka,kb->kab", bernstein(DEGREE, u), bernstein(DEGREE, v)).reshape(len(u), 36)
 
@@ -100,29 +128,19 @@ def _numbers(n: int, closed: bool) -> Ints:
     return np.unique(poles.ravel(), return_inverse=True)[1]
 
 
-def spoke_angle(kind: VertexKind, n: int, angle: int) -> float:
-    """The angle theta between neighbouring spokes, in the plane of which the tangent plane is an affine image."""
-    turn = {VertexKind.SMOOTH: 2 * np.pi, VertexKind.DART: 2 * np.pi, VertexKind.BORDER: np.pi}
-    return float(turn.get(kind, np.pi * angle / ANGLE_STEPS) / n)
-
-
-@cache
-def cap_table(kind: VertexKind, n: int, angle: int) -> CapTable:
-    """The table of a vertex with n quads; angle, in parts of a half turn, matters at a corner only."""
-    closed = kind in (VertexKind.SMOOTH, VertexKind.DART)
-    numbers = _numbers(n, closed)
+@lru_cache(maxsize=1024)
+def cap_table(turn: Turn) -> CapTable:
+    """The table of a vertex."""
+    n = turn.n_faces
+    numbers = _numbers(n, turn.is_closed)
     size = int(numbers.max()) + 1
     given = np.zeros((n, 6, 6), dtype=bool)
     given[:, 4:, :] = given[:, :, 4:] = True
-    if not closed:
+    if not turn.is_closed:
         given[0, :, 0] = given[n - 1, 0, :] = True
-    theta = spoke_angle(kind, n, angle)
-    spokes = range(n) if kind == VertexKind.SMOOTH else range(1, n)
-    constraints = np.zeros((0, size))
-    if len(spokes):
-        constraints = np.concatenate([_spoke_rows(n, i, theta, numbers, size) for i in spokes])
+    rows = [_spoke_rows(turn, i, numbers, size) for i in turn.inner_spokes]
     u, v = sample_places()
-    return finished_table(constraints, (_surface_basis(u, v), u * v == 0.0), numbers, given)
+    return finished_table(np.concatenate([np.zeros((0, size)), *rows]), (_surface_basis(u, v), u * v == 0.0), numbers, given)
 
 
 def finished_table(
@@ -165,27 +183,26 @@ def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -
     return particular - fit @ (s_given + s_free @ particular), fit, ways
 
 
-def _spoke_rows(n: int, i: int, theta: float, numbers: Ints, size: int) -> Floats:
-    """(5, size) the condition along spoke i; its last two coefficients hold by what is given."""
-    before, after = (i - 1) % n, i
-    rows = np.zeros((7, 36 * n))
-
-    def at(patch: int, a: int, b: int) -> int:
-        return 36 * patch + 6 * a + b
-
+def _spoke_rows(turn: Turn, i: int, numbers: Ints, size: int) -> Floats:
+    """(6, size) the condition along spoke i, of degree seven; its last two coefficients hold by what is given."""
+    n, ratio = turn.n_faces, turn.ratio
+    before, after = 36 * ((i - 1) % n), 36 * i
+    rows = np.zeros((8, 36 * n))
     for k in range(6):
-        for m, share in ((k, (6 - k) / 6.0), (k + 1, (k + 1) / 6.0)):  # degree five as degree six
-            rows[m, at(before, 1, k)] += 5.0 * share
-            rows[m, at(before, 0, k)] -= 5.0 * share
-            rows[m, at(after, k, 1)] += 5.0 * share
-            rows[m, at(after, k, 0)] -= 5.0 * share
+        for m, (one, two) in enumerate(((ratio, 1.0 / ratio), (1.0, 1.0), (1.0, 1.0))):
+            share = 5.0 * comb(5, k) * comb(2, m) / comb(7, k + m)
+            rows[k + m, before + 6 + k] += one * share
+            rows[k + m, before + k] -= one * share
+            rows[k + m, after + 6 * k + 1] += two * share
+            rows[k + m, after + 6 * k] -= two * share
     for k in range(5):
-        share = 5.0 * 2.0 * np.cos(theta) * comb(4, k) / comb(6, k)
-        rows[k, at(after, k + 1, 0)] -= share
-        rows[k, at(after, k, 0)] += share
-    folded = np.zeros((7, size))
+        for m, part in enumerate((1.0, 1.0 / 3.0)):  # (1 - t)^2 as a cubic
+            share = 5.0 * 2.0 * np.cos(turn.theta) * part * comb(4, k) * comb(3, m) / comb(7, k + m)
+            rows[k + m, after + 6 * (k + 1)] -= share
+            rows[k + m, after + 6 * k] += share
+    folded = np.zeros((8, size))
     np.add.at(folded.T, numbers, rows.T)
-    return folded[:5]
+    return folded[:6]
 
 
 def fans(sheets: Sheets, corners: Ints) -> list[Ints]:
@@ -210,20 +227,12 @@ def fans(sheets: Sheets, corners: Ints) -> list[Ints]:
     return found
 
 
-def _elevated(degree: int) -> Floats:
-    """(6, degree + 1) Bezier points of degree five over those of a lower degree."""
-    rows = np.zeros((DEGREE + 1, degree + 1))
-    for a in range(DEGREE + 1):
-        for i in range(max(0, a - DEGREE + degree), min(degree, a) + 1):
-            rows[a, i] = comb(degree, i) * comb(DEGREE - degree, a - i) / comb(DEGREE, a)
-    return rows
-
-
-# Bezier points of degree five over the control points of a uniform B-spline's span, by the number of these
-QUINTIC = {
-    3: _elevated(2) @ np.array([[1, 1, 0], [0, 2, 0], [0, 1, 1]]) / 2.0,
-    4: _elevated(3) @ np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6.0,
+# Bezier points over the control points of a uniform B-spline's span, by the number of these
+BEZIER = {
+    3: np.array([[1, 1, 0], [0, 2, 0], [0, 1, 1]]) / 2.0,
+    4: np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6.0,
 }
+QUINTIC = {size: degree_elevation(size - 1, DEGREE) @ points for size, points in BEZIER.items()}
 
 
 def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, irregular: Ints) -> Caps:
@@ -241,23 +250,22 @@ def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, i
     size = round(rings.shape[1] ** 0.5)
     grids = points[rings].reshape(-1, size, size, 3).transpose(0, 2, 1, 3)  # [i along u, j along v]
     outer = np.einsum("ai,bj,mijx->mabx", QUINTIC[size], QUINTIC[size], grids)
-    groups: dict[tuple[VertexKind, int, int], list[Ints]] = {}
+    groups: dict[Turn, list[Ints]] = {}
     for vertex, fan in zip(vertices.tolist(), around):
-        kind = VertexKind(sheets.kinds[vertex])
-        rows = place[fan]
-        _border_curves(kind, grids[rows], outer, rows)
-        angle = 0
-        if kind == VertexKind.CORNER:
+        turn, rows = Turn(VertexKind(sheets.kinds[vertex]), len(fan)), place[fan]
+        _border_curves(turn.kind, grids[rows], outer, rows)
+        if turn.kind == VertexKind.CORNER:
             apex, inner = outer[rows[0], 0, 0], outer[rows, 5, 5]
-            angle = corner_angle(outer[rows[0], 1, 0] - apex, outer[rows[-1], 0, 1] - apex, inner.mean(axis=0) - apex)
-        groups.setdefault((kind, len(fan), angle), []).append(rows)
+            borders = outer[rows[0], 1, 0] - apex, outer[rows[-1], 0, 1] - apex
+            turn = corner_turn(len(fan), borders, inner.mean(axis=0) - apex)
+        groups.setdefault(turn, []).append(rows)
     nets, off = np.empty((len(irregular), 6, 6, 3)), np.zeros(len(irregular))
-    for (kind, n, angle), clusters in groups.items():
+    for turn, clusters in groups.items():
         rows = np.array(clusters)
         for begin in range(0, len(rows), AT_ONCE):
             some = rows[begin : begin + AT_ONCE]
             nets[some.ravel()], off[some.ravel()] = solved_fans(
-                cap_table(kind, n, angle), outer[some], sample_places(), (arrays, points, irregular[some])
+                cap_table(turn), outer[some], sample_places(), (arrays, points, irregular[some])
             )
     return Caps(irregular, nets, off)
 
@@ -275,19 +283,19 @@ def _border_curves(kind: VertexKind, grids: Floats, outer: Floats, rows: Ints) -
     outer[rows[0], :, 0], outer[rows[-1], 0, :] = QUINTIC[4] @ first, QUINTIC[4] @ last
 
 
-def corner_angle(one: Floats, two: Floats, inward: Floats) -> int:
-    """The angle at a corner between its borders, through the surface, in parts of a half turn.
-
-    one, two  (3,) along the borders; inward (3,) into the surface
-    """
-    first, second = (x / max(float(np.linalg.norm(x)), 1e-300) for x in (one, two))
-    angle = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
-    if (first + second) @ inward < 0.0:
+def corner_turn(n_faces: int, borders: tuple[Floats, Floats], inward: Floats) -> Turn:
+    """The turn of a corner; borders: tangents (3,) of the first and the last; inward (3,) into the surface."""
+    if n_faces == 1:  # no spoke, and one table for all
+        return Turn(VertexKind.CORNER, n_faces)
+    one, two = (max(float(np.linalg.norm(x)), 1e-300) for x in borders)
+    first, second = borders[0] / one, borders[1] / two
+    # also near a half turn, where the cosine says little
+    angle = 2.0 * float(np.arctan2(np.linalg.norm(first - second), np.linalg.norm(first + second)))
+    if np.pi - angle < STRAIGHT:
+        angle = np.pi
+    elif (first + second) @ inward < 0.0:
         angle = 2 * np.pi - angle
-    parts = round(angle / np.pi * ANGLE_STEPS)
-    if parts == ANGLE_STEPS:  # borders in one line span no plane; near it they do
-        parts += 1 if angle > np.pi else -1
-    return int(np.clip(parts, 1, 2 * ANGLE_STEPS - 1))
+    return Turn(VertexKind.CORNER, n_faces, angle, float((two / one) ** (1.0 / n_faces)))
 
 
 def solved_fans(

@@ -22,7 +22,7 @@ from recon.numerics.halfedges import opposite_sides
 from recon.subdivision.limit_tables import CATMULL_CLARK, Rules
 from recon.subdivision.sheets import Sheets, cut_along_creases, fan_corners
 
-__all__ = ["Layout", "Rectangle", "isolated", "rectangles"]
+__all__ = ["Layout", "Rectangle", "irregular_corners", "isolated", "rectangles", "turned_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -69,25 +69,26 @@ def isolated(mesh: ControlMesh, rules: Rules = CATMULL_CLARK, steps: int = 0) ->
     # two parts that touch in a vertex alone part there
     faces = fan_corners(beside).reshape(beside.shape)
     whole = Sheets(faces, beside, np.zeros(int(faces.max()) + 1, dtype=np.int64))
-    irregular = _irregular_corners(sheets, rules)
+    irregular = irregular_corners(sheets, rules)
     while steps > 0 or (irregular.sum(axis=1) > 1).any():
         step, whole = rules.refine(sheets), rules.refine(whole).sheets
         sheets, points, steps = step.sheets, sparse.csr_array(step.matrix @ points), steps - 1
-        irregular = _irregular_corners(sheets, rules)
+        irregular = irregular_corners(sheets, rules)
     turns = irregular.argmax(axis=1)
-    turned, across = _turned(sheets.faces, sheets.across, turns)
-    whole_faces, whole_across = _turned(whole.faces, whole.across, turns)
+    turned, across = turned_faces(sheets.faces, sheets.across, turns)
+    whole_faces, whole_across = turned_faces(whole.faces, whole.across, turns)
     regular = np.logical_not(irregular.any(axis=1))
     return Layout(Sheets(turned, across, sheets.kinds), whole_faces, whole_across, points, np.asarray(regular))
 
 
-def _irregular_corners(sheets: Sheets, rules: Rules) -> Bools:
+def irregular_corners(sheets: Sheets, rules: Rules) -> Bools:
+    """(F, k) whether the corner has not the faces of a regular mesh around it."""
     wanted = np.array(rules.regular_faces)
     irregular = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds)) != wanted[sheets.kinds]
     return irregular[sheets.faces]
 
 
-def _turned(faces: Ints, across: Ints, turns: Ints) -> tuple[Ints, Ints]:
+def turned_faces(faces: Ints, across: Ints, turns: Ints) -> tuple[Ints, Ints]:
     """Faces begun at another corner; the sides across with them."""
     k = faces.shape[1]
     places = (np.arange(k) + turns[:, None]) % k

@@ -79,12 +79,18 @@ def limit_patches(mesh: ControlMesh, scheme: Scheme = Scheme.LOOP) -> LimitPatch
     return LimitPatches(arrays, sparse.csr_array(whole.matrix @ (step.matrix @ copies)), step.sheets)
 
 
-def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets) -> PatchArrays:
+def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets, chosen: Ints | None = None) -> PatchArrays:
+    """Patches of all faces of a mesh, or of the chosen ones alone; corner 0 is the only one that may be irregular.
+
+    whole  the mesh with what is reflected in its borders
+    """
     faces, across, kinds = sheets
     n_faces = np.bincount(faces.ravel(), minlength=len(kinds))
     wanted = np.array(rules.regular_faces)
-    irregular = np.flatnonzero((n_faces != wanted[kinds])[faces[:, 0]])
-    regular = np.setdiff1d(np.arange(len(faces)), irregular, assume_unique=True)
+    asked = np.zeros(len(faces), dtype=bool)
+    asked[slice(None) if chosen is None else chosen] = True
+    is_irregular = (n_faces != wanted[kinds])[faces[:, 0]]
+    irregular, regular = np.flatnonzero(asked & is_irregular), np.flatnonzero(asked & ~is_irregular)
     rings, lengths = face_rings(faces, across, irregular)
     if lengths.max(initial=0) > min(MAX_RING, MAX_SUPPORT):
         most = int(n_faces[faces[irregular, 0]].max())
@@ -95,8 +101,8 @@ def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets) -> PatchArrays:
     if any(len(made[t].limit) != k for t, k in zip(number.tolist(), lengths.tolist())):
         raise BadGeometry("control mesh", "the faces around two neighbouring vertices are the same: refine it first")
     n_regular = rules.basis().shape[1]
-    counts = np.full(len(faces), n_regular)
-    counts[irregular] = lengths
+    counts = np.zeros(len(faces), dtype=np.int64)
+    counts[regular], counts[irregular] = n_regular, lengths
     starts = np.concatenate([[0], np.cumsum(counts)])
     support = np.empty(starts[-1], dtype=np.int64)
     support[starts[regular][:, None] + np.arange(n_regular)] = rules.regular_rings(whole, regular)

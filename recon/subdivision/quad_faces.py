@@ -29,53 +29,49 @@ from recon.subdivision.caps import Caps, cap_nets
 from recon.subdivision.layout import Layout, Rectangle, isolated, rectangles
 from recon.subdivision.limit_surface import patch_arrays
 from recon.subdivision.limit_tables import CATMULL_CLARK
-from recon.subdivision.mosaic import Tile, joined
+from recon.subdivision.mosaic import Strip, Tile, joined
+from recon.subdivision.polygons import MAX_FACES
 from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases, fan_corners
 from recon.subdivision.uniform_splines import clamped
 
-__all__ = ["ACCURACY", "LimitFaces", "catmull_clark_faces", "doo_sabin_faces"]
+__all__ = ["LimitFaces", "catmull_clark_faces", "doo_sabin_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ACCURACY = 2e-3
-MAX_STEPS, MAX_QUADS = 3, 250_000
+MAX_STEPS = 3
 
 
 class LimitFaces(NamedTuple):
     """Faces of a limit surface, and how true they are.
 
     mosaic      the faces with the edges that they share
-    n_exact     how many of them are the limit surface itself; the others come after them
+    n_exact     how many of them are the limit surface itself
     off         the largest distance found between the others and the limit surface
-    n_quads     quads (or triangles) that the faces were laid over
     """
 
     mosaic: PatchMosaic
     n_exact: int
     off: float
-    n_quads: int
 
 
-def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, accuracy: float = ACCURACY) -> LimitFaces:
-    """Faces of the Catmull-Clark surface of a quadrilateral control mesh.
+def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, allowed: float = np.inf) -> LimitFaces:
+    """Faces of the Catmull-Clark surface of a quadrilateral control mesh without semi-sharp creases.
 
     grouped   whether regular quads become rectangles; else each is a face of its own
-    accuracy  how far caps may stay from the limit surface, in mean edge lengths of the control mesh; reached as far as
-              three refinements and a quarter of a million quads go
+    allowed   how far caps may stay from the limit surface; reached as far as three refinements and a quarter of a
+              million quads go
     Promises  tangent planes agree along every edge that is no crease, but at corners where the surface has none;
               regular quads are exact.
     Raises    BadGeometry when a face is no quadrilateral or a vertex has too many faces; NotManifold.
     """
-    faces = mesh.faces_of(4)
-    edge = np.linalg.norm(mesh.vertices[faces] - mesh.vertices[np.roll(faces, -1, axis=1)], axis=2).mean()
     for steps in range(MAX_STEPS + 1):
         layout = isolated(mesh, CATMULL_CLARK, steps)
         whole = catmull_clark.extended(layout.sheets)
         points = whole.matrix @ (layout.points @ mesh.vertices)
         caps = _caps(layout, whole.sheets, points)
         off = float(caps.off.max(initial=0.0))
-        if off <= accuracy * edge or 4 * len(layout.faces) > MAX_QUADS:
+        if off <= allowed or 4 * len(layout.faces) > MAX_FACES:
             break
     regular = np.flatnonzero(layout.regular)
     rings = np.zeros((len(layout.regular), 16), dtype=np.int64)
@@ -83,7 +79,7 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, accuracy: fl
     boxes = _boxes(layout.sheets.across, layout.regular, grouped=grouped)
     tiles = [_spline(box, rings, points) for box in boxes] + _cap_tiles(caps)
     mosaic = joined(layout.faces, layout.across, layout.sheets.across >= 0, tiles)
-    return LimitFaces(mosaic, len(boxes), off, len(layout.faces))
+    return LimitFaces(mosaic, len(boxes), off)
 
 
 def doo_sabin_faces(mesh: ControlMesh, *, grouped: bool = True) -> LimitFaces:
@@ -105,7 +101,7 @@ def doo_sabin_faces(mesh: ControlMesh, *, grouped: bool = True) -> LimitFaces:
     tiles = [_spline(box, rings, points) for box in boxes] + _cap_tiles(caps)
     across = _across_creases(sheets, opposite_sides(mesh.faces_of(4)), (arrays.across, kept))
     mosaic = joined(fan_corners(across).reshape(across.shape), across, arrays.across >= 0, tiles)
-    return LimitFaces(mosaic, len(boxes), float(caps.off.max(initial=0.0)), len(kept))
+    return LimitFaces(mosaic, len(boxes), float(caps.off.max(initial=0.0)))
 
 
 def _across_creases(sheets: Sheets, uncut: Ints, patches: tuple[Ints, Ints]) -> Ints:
@@ -161,7 +157,7 @@ def _cap_tiles(caps: Caps) -> list[Tile]:
     for face, net in zip(caps.faces, caps.nets):
         surface = BSplineSurface(5, 5, knots, knots, net)
         curves = (net[:, 0], net[5], net[:, 5], net[0])
-        tiles.append(Tile(np.array([[face]]), turns, surface, tuple(curves), _whole_side))
+        tiles.append(Tile(surface, _strips(np.array([[face]]), turns), curves, _whole_side))
     return tiles
 
 
@@ -201,7 +197,14 @@ def _spline(box: Rectangle, rings: Ints, points: Floats) -> Tile:
         np.einsum("j,ijx->ix", end, uniform[:, -degree:]),
         np.einsum("i,ijx->jx", end, uniform[:degree]),
     )
-    return Tile(box.faces, box.turns, surface, curves, partial(_part_of_side, degree))
+    return Tile(surface, _strips(box.faces, box.turns), curves, partial(_part_of_side, degree))
+
+
+def _strips(faces: Ints, turns: Ints) -> tuple[Strip, ...]:
+    """Along the four sides of quads (n, m) in rows; turns (n, m) the side of each that lies at the bottom."""
+    ends = (faces[0], turns[0]), (faces[:, -1], turns[:, -1]), (faces[-1], turns[-1]), (faces[:, 0], turns[:, 0])
+    # quads run around themselves, against the direction of sides 2 and 3
+    return tuple(Strip(quads, (side + turned) % 4, side < 2) for side, (quads, turned) in enumerate(ends))
 
 
 def _part_of_side(degree: int, points: Floats, start: int, end: int) -> BSplineCurve:

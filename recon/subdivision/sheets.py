@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from recon.errors import NotManifold
+from recon.errors import BadGeometry, NotManifold
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import edge_table, opposite_sides
 
@@ -73,9 +73,11 @@ def edge_numbers(across: Ints) -> tuple[Ints, int]:
 def cut_along_creases(mesh: ControlMesh, n_corners: int) -> tuple[Sheets, Ints]:
     """The sheets of a control mesh whose faces have `n_corners` each, and (W,) the control vertex behind each vertex.
 
-    Raises  BadGeometry when a face has another number of corners; NotManifold when an edge has more than two faces, or
-            two faces disagree about what is outside.
+    Raises  BadGeometry when a face has another number of corners or a crease is semi-sharp; NotManifold when an edge has
+            more than two faces, or two faces disagree about what is outside.
     """
+    if mesh.is_semi_sharp:
+        raise BadGeometry("control mesh", "semi-sharp creases have no limit patches before they are refined away")
     faces = mesh.faces_of(n_corners)
     across = opposite_sides(faces)
     _refuse_tangles(mesh, faces, across)

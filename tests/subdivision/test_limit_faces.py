@@ -159,7 +159,7 @@ def test_rectangles_are_the_same_surface_as_single_quads(scheme):
 def test_triangles_of_isolated_irregular_vertices_are_not_refined():
     mesh = split_loop(TRIANGLES["ball"])
     assert len(limit_faces(mesh, Scheme.LOOP).mosaic.patches) == mesh.n_faces
-    assert len(limit_faces(TRIANGLES["ball"], Scheme.LOOP).mosaic.patches) == 4 * TRIANGLES["ball"].n_faces
+    assert len(limit_faces(TRIANGLES["ball"], Scheme.LOOP).mosaic.patches) < 4 * TRIANGLES["ball"].n_faces
 
 
 def split_loop(mesh):
