@@ -22,11 +22,14 @@ leave the conditions as they are (columns of `ways`), with a little damping of m
 
     sum of (n_s . (S_s - L_s))^2 + DAMPING^2 |moves|^2,   L_s the foot of sample s, n_s the normal there
 
+At last the patch is probed between the samples, and near the vertex: how far it is off, and whether it folds.
+
 K  quads around the vertex · poles are numbered 36 i + 6 a + b, equal ones once · samples (SAMPLES^2) a patch
 
 Paper  [loop2004], G1 patches over irregular vertices; [peters1991], the condition along a spoke.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from math import comb
 from typing import NamedTuple
@@ -38,7 +41,19 @@ from recon.numerics.bernstein import bernstein, degree_elevation
 from recon.subdivision.evaluation import PatchArrays, points_at
 from recon.subdivision.sheets import Sheets, VertexKind
 
-__all__ = ["BEZIER", "CapTable", "Caps", "Turn", "cap_nets", "corner_turn", "fans", "finished_table", "solved_fans"]
+__all__ = [
+    "BEZIER",
+    "CapTable",
+    "Caps",
+    "Places",
+    "Turn",
+    "cap_nets",
+    "caps_of",
+    "corner_turn",
+    "fans",
+    "finished_table",
+    "probed",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,6 +65,8 @@ STEPS = 2  # toward the feet of the samples, a round
 DAMPING = 0.03
 AT_ONCE = 48  # vertices, which bounds the memory
 STRAIGHT = 1e-4  # radians from a half turn up to which the borders of a corner are taken for one line
+NEAR = 0.15  # of the patch around the vertex is probed again
+STEP = 1e-4  # of the parameters, for derivatives of probes by differences
 CURVES = 6.0  # weight of samples on the spokes
 
 
@@ -62,6 +79,7 @@ class CapTable(NamedTuple):
     spread        (36 K, U + K') all poles over the unknown and then the given ones
     known         (K',) a pole 36 i + 6 a + b for each given one
     basis         (S, 36 K) samples over all poles
+    probes        (3, T, 36 K) probes over all poles, and their derivatives
     """
 
     from_known: Floats
@@ -70,6 +88,15 @@ class CapTable(NamedTuple):
     spread: Floats
     known: Ints
     basis: Floats
+    probes: Floats
+
+
+class Places(NamedTuple):
+    """Where one patch is looked at: its weights at places, and the samples (2, S) and probes (2, T)."""
+
+    weights: Callable[[Floats, Floats], Floats]
+    samples: Floats
+    probes: Floats
 
 
 class Turn(NamedTuple):
@@ -102,18 +129,27 @@ class Turn(NamedTuple):
 
 
 class Caps(NamedTuple):
-    """faces (M,) and nets (M, 6, 6, 3) of the bi-quintic patches; off (M,) largest distance found to the limit."""
+    """faces (M,) and nets (M, 6, 6, 3) of the bi-quintic patches; (M,) largest distance found, and whether one folds."""
 
     faces: Ints
     nets: Floats
     off: Floats
+    folded: NDArray[np.bool_]
+
+    def are_good(self, allowed: float) -> bool:
+        """Whether none is farther off than allowed, and none folds."""
+        return bool((self.off <= allowed).all() and not self.folded.any())
 
 
-def sample_places() -> tuple[Floats, Floats]:
-    """(S,) u and v of the samples of one patch; none on the outer sides, which are given."""
-    t = np.arange(SAMPLES) / SAMPLES
-    u, v = np.meshgrid(t, t, indexing="ij")
-    return u.ravel(), v.ravel()
+def _places() -> Places:
+    """Samples on a grid, none on the outer sides, which are given."""
+    samples = np.indices((SAMPLES, SAMPLES)).reshape(2, -1) / SAMPLES
+    return Places(_surface_basis, samples, probed(samples + 0.5 / SAMPLES))
+
+
+def probed(between: Floats) -> Floats:
+    """(2, 2 S) places between samples, and as many near the vertex."""
+    return np.concatenate([between, NEAR * between], axis=1)
 
 
 def _surface_basis(u: Floats, v: Floats) -> Floats:
@@ -139,18 +175,16 @@ def cap_table(turn: Turn) -> CapTable:
     if not turn.is_closed:
         given[0, :, 0] = given[n - 1, 0, :] = True
     rows = [_spoke_rows(turn, i, numbers, size) for i in turn.inner_spokes]
-    u, v = sample_places()
-    return finished_table(np.concatenate([np.zeros((0, size)), *rows]), (_surface_basis(u, v), u * v == 0.0), numbers, given)
+    return finished_table(np.concatenate([np.zeros((0, size)), *rows]), _places(), numbers, given)
 
 
-def finished_table(
-    constraints: Floats, samples: tuple[Floats, NDArray[np.bool_]], numbers: Ints, given: NDArray[np.bool_]
-) -> CapTable:
-    """The table from the conditions (C, size), the samples of one patch over its poles and which lie on spokes.
+def finished_table(constraints: Floats, places: Places, numbers: Ints, given: NDArray[np.bool_]) -> CapTable:
+    """The table from the conditions (C, size).
 
     numbers  the number of every pole; given  (n, ...) which poles are given
     """
-    one, on_spoke = samples
+    one, on_spoke = places.weights(*places.samples), (places.samples == 0.0).any(axis=0)
+    probes = _with_slopes(places.weights, places.probes)
     n, size, n_poles = len(given), int(numbers.max()) + 1, one.shape[1]
     flags = given.ravel()
     is_known = np.zeros(size, dtype=bool)
@@ -164,7 +198,23 @@ def finished_table(
     first = np.full(size, n_poles * n)
     np.minimum.at(first, numbers[flags], np.flatnonzero(flags))
     spread = all_poles[:, np.concatenate([unknown, known])]
-    return CapTable(from_known, from_samples * weights, ways, spread, first[known], basis)
+    return CapTable(
+        from_known,
+        from_samples * weights,
+        ways,
+        spread,
+        first[known],
+        basis,
+        np.array([np.kron(np.eye(n), p) for p in probes]),
+    )
+
+
+def _with_slopes(weights: Callable[[Floats, Floats], Floats], places: Floats) -> list[Floats]:
+    """Weights (T, N) at places (2, T), and their derivatives by both parameters."""
+    u, v = places
+    by_u = (weights(u + STEP, v) - weights(u - STEP, v)) / (2.0 * STEP)
+    by_v = (weights(u, v + STEP) - weights(u, v - STEP)) / (2.0 * STEP)
+    return [weights(u, v), by_u, by_v]
 
 
 def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
@@ -259,15 +309,35 @@ def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, i
             borders = outer[rows[0], 1, 0] - apex, outer[rows[-1], 0, 1] - apex
             turn = corner_turn(len(fan), borders, inner.mean(axis=0) - apex)
         groups.setdefault(turn, []).append(rows)
-    nets, off = np.empty((len(irregular), 6, 6, 3)), np.zeros(len(irregular))
+    return caps_of(groups, (cap_table, _places()), outer, (arrays, points, irregular))
+
+
+def caps_of(
+    groups: dict[Turn, list[Ints]],
+    scheme: tuple[Callable[[Turn], CapTable], Places],
+    outer: Floats,
+    surface: tuple[PatchArrays, Floats, Ints],
+) -> Caps:
+    """Caps of fans, those of one turn together.
+
+    groups   rows of `outer`, fan after fan
+    scheme   the table of a turn, and where patches are looked at
+    outer    (M, ..., 3) poles of which the known ones are given
+    surface  the limit surface: patches, their points, and (M,) the patch under each cap
+    """
+    make, places = scheme
+    arrays, points, faces = surface
+    caps = Caps(faces, np.empty_like(outer), np.zeros(len(faces)), np.zeros(len(faces), dtype=bool))
     for turn, clusters in groups.items():
         rows = np.array(clusters)
         for begin in range(0, len(rows), AT_ONCE):
             some = rows[begin : begin + AT_ONCE]
-            nets[some.ravel()], off[some.ravel()] = solved_fans(
-                cap_table(turn), outer[some], sample_places(), (arrays, points, irregular[some])
-            )
-    return Caps(irregular, nets, off)
+            table, below = make(turn), (arrays, points, faces[some])
+            poles = _solved_fans(table, outer[some], places.samples, below)
+            flat = some.ravel()
+            caps.nets[flat] = poles.reshape(-1, *outer.shape[1:])
+            caps.off[flat], caps.folded[flat] = _probed(table, poles, places.probes, below)
+    return caps
 
 
 def _border_curves(kind: VertexKind, grids: Floats, outer: Floats, rows: Ints) -> None:
@@ -298,37 +368,52 @@ def corner_turn(n_faces: int, borders: tuple[Floats, Floats], inward: Floats) ->
     return Turn(VertexKind.CORNER, n_faces, angle, float((two / one) ** (1.0 / n_faces)))
 
 
-def solved_fans(
-    table: CapTable, outer: Floats, places: tuple[Floats, Floats], surface: tuple[PatchArrays, Floats, Ints]
-) -> tuple[Floats, Floats]:
-    """Poles of M fans of n patches, and (M n,) the largest distance of a sample of each patch from the surface.
-
-    outer    (M, n, ..., 3) poles of which the known ones are given; those that come back (M n, ..., 3) are like it
-    places   of the samples in a patch
-    surface  the limit surface: patches, their points, and (M, n) the patch under each cap
-    """
-    arrays, points, faces = surface
-    m, n = faces.shape
-    u, v = places
+def _solved_fans(table: CapTable, outer: Floats, samples: Floats, surface: tuple[PatchArrays, Floats, Ints]) -> Floats:
+    """(M, K poles, 3) poles of M fans; outer (M, n, ..., 3) poles of which the known ones are given."""
+    m = len(outer)
     known = outer.reshape(m, -1, 3)[:, table.known]
-    patch = np.repeat(faces.ravel(), len(u))
-    place = np.tile(u, m * n), np.tile(v, m * n)
-    limit = points_at(arrays, points, patch, *place, 3).reshape(m, n * len(u), 3, 3)
+    patch, place, limit = _under(samples, surface)
     free = table.from_known @ known + table.from_samples @ limit[:, :, 0]
     poles = table.spread @ np.concatenate([free, known], axis=1)
     ways = table.spread[:, : len(table.ways)] @ table.ways
     reach = table.basis @ ways
-    for turn in range(ROUNDS + 1):
+    for _ in range(ROUNDS):
         drawn = table.basis @ poles
         for _ in range(STEPS):
-            place, limit = _nearer(arrays, points, patch, place, limit, drawn)
-        normal = np.cross(limit[:, :, 1], limit[:, :, 2])
-        length = np.linalg.norm(normal, axis=2, keepdims=True)
-        normal /= np.where(length > 0.0, length, 1.0)
-        off = np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal)
-        if turn < ROUNDS:
-            poles = poles + ways @ _moves(reach, normal, off)
-    return poles.reshape(m * n, *outer.shape[2:]), np.abs(off).reshape(m * n, len(u)).max(axis=1)
+            place, limit = _nearer(surface, patch, place, limit, drawn)
+        normal = _normals(limit)
+        poles = poles + ways @ _moves(reach, normal, np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal))
+    return np.asarray(poles)
+
+
+def _probed(
+    table: CapTable, poles: Floats, probes: Floats, surface: tuple[PatchArrays, Floats, Ints]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """(M n,) the largest distance of a probe of each patch from the surface, and whether one faces the other way."""
+    patch, place, limit = _under(probes, surface)
+    drawn, by_u, by_v = table.probes[:, None] @ poles
+    for _ in range(STEPS):
+        place, limit = _nearer(surface, patch, place, limit, drawn)
+    normal = _normals(limit)
+    off = np.abs(np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal))
+    turned = np.einsum("msx,msx->ms", np.cross(by_u, by_v), normal) < 0.0
+    each = (-1, probes.shape[1])
+    return off.reshape(each).max(axis=1), turned.reshape(each).any(axis=1)
+
+
+def _under(places: Floats, surface: tuple[PatchArrays, Floats, Ints]) -> tuple[Ints, tuple[Floats, Floats], Floats]:
+    """Patch and place of every sample (M n S,), and (M, n S, 3, 3) the limit surface there with its derivatives."""
+    arrays, points, faces = surface
+    patch = np.repeat(faces.ravel(), places.shape[1])
+    u, v = np.tile(places, faces.size)
+    return patch, (u, v), points_at(arrays, points, patch, u, v, 3).reshape(len(faces), -1, 3, 3)
+
+
+def _normals(limit: Floats) -> Floats:
+    """Unit normals (M, S, 3) of the surface from its derivatives (M, S, 3, 3); zero where it has none."""
+    normal = np.cross(limit[:, :, 1], limit[:, :, 2])
+    length = np.linalg.norm(normal, axis=2, keepdims=True)
+    return np.asarray(normal / np.where(length > 0.0, length, 1.0))
 
 
 def _moves(reach: Floats, normal: Floats, off: Floats) -> Floats:
@@ -341,9 +426,10 @@ def _moves(reach: Floats, normal: Floats, off: Floats) -> Floats:
 
 
 def _nearer(
-    arrays: PatchArrays, points: Floats, patch: Ints, place: tuple[Floats, Floats], limit: Floats, drawn: Floats
+    surface: tuple[PatchArrays, Floats, Ints], patch: Ints, place: tuple[Floats, Floats], limit: Floats, drawn: Floats
 ) -> tuple[tuple[Floats, Floats], Floats]:
     """Places one step nearer to the feet of the drawn points, and the limit surface there; the vertex stays."""
+    arrays, points, _ = surface
     flat = limit.reshape(-1, 3, 3)
     away = drawn.reshape(-1, 3) - flat[:, 0]
     a, b = flat[:, 1], flat[:, 2]

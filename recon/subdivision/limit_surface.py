@@ -65,13 +65,13 @@ def limit_patches(mesh: ControlMesh, scheme: Scheme = Scheme.LOOP) -> LimitPatch
 
     Raises  BadGeometry when a face has another number of corners or a vertex too many faces; NotManifold.
     """
+    if scheme == Scheme.DOO_SABIN:
+        dual = doo_sabin_patches(mesh)
+        return LimitPatches(dual.arrays, dual.points, dual.sheets)
     sheets, behind = cut_along_creases(mesh, 3 if scheme == Scheme.LOOP else 4)
     copies = sparse.csr_array(
         (np.ones(len(behind)), behind, np.arange(len(behind) + 1)), shape=(len(behind), mesh.n_vertices)
     )
-    if scheme == Scheme.DOO_SABIN:
-        arrays, points, complex_ = doo_sabin_patches(sheets)
-        return LimitPatches(arrays, sparse.csr_array(points @ copies), complex_)
     rules = LOOP if scheme == Scheme.LOOP else CATMULL_CLARK
     step = rules.refine(sheets)
     whole = rules.extended(step.sheets)

@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.patches import PatchMosaic
-from recon.numerics.halfedges import opposite_sides
-from recon.subdivision import catmull_clark, doo_sabin
+from recon.subdivision import catmull_clark
 from recon.subdivision.caps import Caps, cap_nets
+from recon.subdivision.doo_sabin import doo_sabin_patches
 from recon.subdivision.layout import Layout, Rectangle, isolated, rectangles
 from recon.subdivision.limit_surface import patch_arrays
 from recon.subdivision.limit_tables import CATMULL_CLARK
 from recon.subdivision.mosaic import Strip, Tile, joined
 from recon.subdivision.polygons import MAX_FACES
-from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases, fan_corners
+from recon.subdivision.sheets import Sheets, fan_corners
 from recon.subdivision.uniform_splines import clamped
 
 __all__ = ["LimitFaces", "catmull_clark_faces", "doo_sabin_faces"]
@@ -70,8 +70,7 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, allowed: flo
         whole = catmull_clark.extended(layout.sheets)
         points = whole.matrix @ (layout.points @ mesh.vertices)
         caps = _caps(layout, whole.sheets, points)
-        off = float(caps.off.max(initial=0.0))
-        if off <= allowed or 4 * len(layout.faces) > MAX_FACES:
+        if caps.are_good(allowed) or 4 * len(layout.faces) > MAX_FACES:
             break
     regular = np.flatnonzero(layout.regular)
     rings = np.zeros((len(layout.regular), 16), dtype=np.int64)
@@ -79,61 +78,24 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, allowed: flo
     boxes = _boxes(layout.sheets.across, layout.regular, grouped=grouped)
     tiles = [_spline(box, rings, points) for box in boxes] + _cap_tiles(caps)
     mosaic = joined(layout.faces, layout.across, layout.sheets.across >= 0, tiles)
-    return LimitFaces(mosaic, len(boxes), off)
-
-
-def doo_sabin_faces(mesh: ControlMesh, *, grouped: bool = True) -> LimitFaces:
-    """Faces of the Doo-Sabin surface of a quadrilateral control mesh; as `catmull_clark_faces`, but for the accuracy.
-
-    Raises    BadGeometry when a face is no quadrilateral, a vertex has too many faces, or a crease ends inside the
-              surface; NotManifold.
-    """
-    sheets, behind = cut_along_creases(mesh, 4)
-    whole = doo_sabin.completed(sheets)
-    split = catmull_clark.split_faces(whole.sheets)
-    kept = np.flatnonzero(whole.sheets.faces.ravel() < len(sheets.kinds))
-    arrays, rings = doo_sabin.dual_patches(split, kept)
-    points = doo_sabin.face_points(whole) @ mesh.vertices[behind]
-    regular, irregular = arrays.tables < 0, np.flatnonzero(arrays.tables >= 0)
-    smooth = Sheets(split.faces[kept], arrays.across, np.zeros(len(split.kinds), dtype=np.int64))
-    caps = cap_nets(smooth, arrays, rings[irregular], points, irregular)
-    boxes = _boxes(arrays.across, regular, grouped=grouped)
-    tiles = [_spline(box, rings, points) for box in boxes] + _cap_tiles(caps)
-    across = _across_creases(sheets, opposite_sides(mesh.faces_of(4)), (arrays.across, kept))
-    mosaic = joined(fan_corners(across).reshape(across.shape), across, arrays.across >= 0, tiles)
     return LimitFaces(mosaic, len(boxes), float(caps.off.max(initial=0.0)))
 
 
-def _across_creases(sheets: Sheets, uncut: Ints, patches: tuple[Ints, Ints]) -> Ints:
-    """(n, 4) sides across the patches, those of creases, which are borders to both sides, joined.
+def doo_sabin_faces(mesh: ControlMesh, *, grouped: bool = True) -> LimitFaces:
+    """Faces of the Doo-Sabin surface of a control mesh; as `catmull_clark_faces`, but for `allowed`.
 
-    uncut    (F, 4) sides across the faces of the control mesh, creases or not
-    patches  (n, 4) sides across the patches, and (n,) the corner of a face of the completed mesh that each one is
+    Raises    BadGeometry when a vertex has too many faces, or a crease ends inside the surface or is semi-sharp;
+              NotManifold.
     """
-    across, kept = patches
-    joined_across = across.copy()
-    free = np.flatnonzero(sheets.across.ravel() < 0)
-    n_faces = len(sheets.faces)
-    place = np.full(int(kept.max()) + 1, -1)
-    place[kept] = np.arange(len(kept))
-    number = np.full(sheets.across.size, -1)
-    number[free] = np.arange(len(free))
-    other = np.where(uncut.ravel()[free] >= 0, number[uncut.ravel()[free]], -1)
-    mine = np.flatnonzero(other >= 0)
-    its = other[mine]
-    strip = n_faces + np.arange(len(free))
-    # a strip (b, a, a', b'): its patch at a ends along side 1, that at b along side 2; the one across runs backwards
-    pairs = [(place[4 * strip[mine] + 1], 1, place[4 * strip[its]], 2)]
-    start, end = sheets.faces.ravel()[free], np.roll(sheets.faces, -1, axis=1).ravel()[free]
-    leaving = np.full(len(sheets.kinds), -1)
-    turning = np.flatnonzero(sheets.kinds[start] == VertexKind.CORNER)
-    leaving[start[turning]] = n_faces + len(free) + np.arange(len(turning))
-    corner, opposite = leaving[start[mine]], leaving[end[its]]
-    both = (corner >= 0) & (opposite >= 0)
-    pairs.append((place[4 * corner[both]], 2, place[4 * opposite[both]], 1))
-    for one, side, two, its_side in pairs:
-        joined_across[one, side], joined_across[two, its_side] = 4 * two + its_side, 4 * one + side
-    return joined_across
+    dual = doo_sabin_patches(mesh)
+    arrays, across = dual.arrays, dual.sheets.across
+    irregular = np.flatnonzero(arrays.tables >= 0)
+    points = dual.points @ mesh.vertices
+    caps = cap_nets(dual.sheets, arrays, dual.rings[irregular], points, irregular)
+    boxes = _boxes(across, arrays.tables < 0, grouped=grouped)
+    tiles = [_spline(box, dual.rings, points) for box in boxes] + _cap_tiles(caps)
+    mosaic = joined(fan_corners(dual.joined).reshape(dual.joined.shape), dual.joined, across >= 0, tiles)
+    return LimitFaces(mosaic, len(boxes), float(caps.off.max(initial=0.0)))
 
 
 def _boxes(across: Ints, regular: NDArray[np.bool_], *, grouped: bool) -> list[Rectangle]:
@@ -145,7 +107,7 @@ def _boxes(across: Ints, regular: NDArray[np.bool_], *, grouped: bool) -> list[R
 def _caps(layout: Layout, whole: Sheets, points: Floats) -> Caps:
     irregular = np.flatnonzero(~layout.regular)
     if not len(irregular):
-        return Caps(irregular, np.empty((0, 6, 6, 3)), np.empty(0))
+        return Caps(irregular, np.empty((0, 6, 6, 3)), np.empty(0), np.empty(0, dtype=bool))
     arrays = patch_arrays(CATMULL_CLARK, layout.sheets, whole)
     around = catmull_clark.regular_rings(whole, irregular)
     return cap_nets(layout.sheets, arrays, around, points, irregular)

@@ -32,7 +32,18 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.bernstein import degree_elevation, reparametrization
 from recon.numerics.halfedges import opposite_sides
 from recon.subdivision import loop
-from recon.subdivision.caps import AT_ONCE, BEZIER, CapTable, Turn, corner_turn, fans, finished_table, solved_fans
+from recon.subdivision.caps import (
+    BEZIER,
+    Caps,
+    CapTable,
+    Places,
+    Turn,
+    caps_of,
+    corner_turn,
+    fans,
+    finished_table,
+    probed,
+)
 from recon.subdivision.evaluation import PatchArrays
 from recon.subdivision.layout import irregular_corners, turned_faces
 from recon.subdivision.limit_surface import patch_arrays
@@ -133,7 +144,7 @@ def loop_faces(mesh: ControlMesh, *, allowed: float = np.inf) -> LimitFaces:
         rings = loop.regular_rings(level.whole, regular)
         exact += _pieces(depth, level, regular, np.einsum("ab,nbx->nax", regular_table(), level.points[rings]))
         is_last = depth == most or 4 * mesh.n_faces > MAX_FACES
-        capped, poles, misfit = _caps(level, left & level.single, np.inf if is_last else allowed)
+        capped, poles, misfit = _caps(level, left & level.single, None if is_last else allowed)
         caps += _pieces(depth, level, capped, poles)
         off = max(off, misfit)
         left[regular] = left[capped] = False
@@ -161,10 +172,10 @@ def _pieces(depth: int, level: _Level, faces: Ints, poles: Floats) -> list[_Piec
     return [_Piece(depth, *where) for where in zip(faces.tolist(), level.turns[faces].tolist(), poles)]
 
 
-def _caps(level: _Level, wanted: Bools, allowed: float) -> tuple[Ints, Floats, float]:
+def _caps(level: _Level, wanted: Bools, allowed: float | None) -> tuple[Ints, Floats, float]:
     """Caps around the vertices all of whose faces are wanted: (M,) the faces, their poles, and how far they are off.
 
-    Fans that are off by more than allowed are left out.
+    Fans that are off by more than allowed, or fold, are left out; none is where allowed is None.
     """
     apex, n_vertices = level.sheets.faces[:, 0], len(level.sheets.kinds)
     all_wanted = np.bincount(apex[wanted], minlength=n_vertices) == np.bincount(
@@ -176,17 +187,16 @@ def _caps(level: _Level, wanted: Bools, allowed: float) -> tuple[Ints, Floats, f
     arrays = patch_arrays(LOOP, level.sheets, level.whole, chosen)
     quartic = np.einsum("ab,nbx->nax", regular_table(), level.points[loop.regular_rings(level.whole, chosen)])
     outer = np.einsum("ab,nbx->nax", raised(4, CAP), quartic)
-    poles, off = _cap_poles(level.sheets, (arrays, level.points), outer, chosen)
-    worst = np.zeros(n_vertices)
-    np.maximum.at(worst, apex[chosen], off)
-    near = worst[apex[chosen]] <= allowed
-    return chosen[near], poles[near], float(off[near].max(initial=0.0))
+    caps = _fan_caps(level.sheets, (arrays, level.points), outer, chosen)
+    bad = np.zeros(n_vertices, dtype=bool)
+    if allowed is not None:
+        bad[apex[chosen][caps.folded | (caps.off > allowed)]] = True
+    near = ~bad[apex[chosen]]
+    return chosen[near], caps.nets[near], float(caps.off[near].max(initial=0.0))
 
 
-def _cap_poles(
-    sheets: Sheets, surface: tuple[PatchArrays, Floats], outer: Floats, irregular: Ints
-) -> tuple[Floats, Floats]:
-    """Poles of the caps and (M,) how far each is off; outer: poles of which those along the outer sides are given."""
+def _fan_caps(sheets: Sheets, surface: tuple[PatchArrays, Floats], outer: Floats, irregular: Ints) -> Caps:
+    """Caps around the first corners of the faces; outer: poles of which those along the outer sides are given."""
     place = np.full(len(sheets.faces), -1)
     place[irregular] = np.arange(len(irregular))
     _, first = np.unique(sheets.faces[irregular, 0], return_index=True)
@@ -194,15 +204,7 @@ def _cap_poles(
     for fan in fans(sheets, 3 * irregular[first]):
         rows = place[fan]
         groups.setdefault(_border_curves((sheets, surface[1]), fan, outer, rows), []).append(rows)
-    nets, off = np.empty_like(outer), np.zeros(len(irregular))
-    for turn, clusters in groups.items():
-        rows = np.array(clusters)
-        for begin in range(0, len(rows), AT_ONCE):
-            some = rows[begin : begin + AT_ONCE]
-            nets[some.ravel()], off[some.ravel()] = solved_fans(
-                cap_table(turn), outer[some], sample_places(), (*surface, irregular[some])
-            )
-    return nets, off
+    return caps_of(groups, (cap_table, _places()), outer, (*surface, irregular))
 
 
 def _border_curves(mesh: tuple[Sheets, Floats], fan: Ints, outer: Floats, rows: Ints) -> Turn:
@@ -250,11 +252,11 @@ def _border_poles() -> Floats:
 
 
 @cache
-def sample_places() -> tuple[Floats, Floats]:
-    """(S,) v and w of the samples of one patch; none on the outer side, which is given."""
-    a, b = np.indices((SAMPLES, SAMPLES)).reshape(2, -1)
-    inside = a + b < SAMPLES
-    return a[inside] / SAMPLES, b[inside] / SAMPLES
+def _places() -> Places:
+    """Samples on a grid, none on the outer side, which is given."""
+    grid = np.indices((SAMPLES, SAMPLES)).reshape(2, -1)
+    samples = grid[:, grid.sum(axis=0) < SAMPLES] / SAMPLES
+    return Places(partial(bernstein, CAP), samples, probed(samples + 1.0 / (3.0 * SAMPLES)))
 
 
 @lru_cache(maxsize=1024)
@@ -270,9 +272,7 @@ def cap_table(turn: Turn) -> CapTable:
     if not turn.is_closed:
         given[0, lines[0]] = given[n - 1, lines[1]] = True
     rows = [_spoke_rows(turn, i, numbers) for i in turn.inner_spokes]
-    constraints = np.concatenate([np.zeros((0, int(numbers.max()) + 1)), *rows])
-    v, w = sample_places()
-    return finished_table(constraints, (bernstein(CAP, v, w), v * w == 0.0), numbers, given)
+    return finished_table(np.concatenate([np.zeros((0, int(numbers.max()) + 1)), *rows]), _places(), numbers, given)
 
 
 def _spoke_rows(turn: Turn, i: int, numbers: Ints) -> Floats:
