@@ -6,8 +6,8 @@
 |     \\ |        a crease edge, as 1-2 may be, is sharp in the limit; free edges always are
 0-------1        a corner vertex stays where it is
 
-A crease or corner of finite sharpness s is sharp for s steps of refinement and smooth from then on, a fraction of a step
-counting as that share of one.
+A crease or corner of finite sharpness s is sharp for s steps of refinement and smooth from then on; a fraction of a
+step counts as that share of one.
 
 Paper  [derose1998], sharpness as a number.
 """

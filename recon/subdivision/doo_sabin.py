@@ -2,9 +2,9 @@
 
     .---.---.      a refined point stands for one corner of one old face and is the middle of a bi-quadratic patch
     | p | p |      with nine points; the patch has its corners at the middle of the old face, at the middles of two
-    .---o---.      old edges, and at the old vertex: patch h, of corner h of the mesh, has the corners (vertex, e, f, e')
-    | p | p |      with e the edge after it, f its face, e' the edge before. The dual mesh is that of these quadrilaterals;
-    .---.---.      of four quadrilaterals' corners h = 4 f + i.
+    .---o---.      old edges, and at the old vertex: patch h, of corner h of the mesh, is the quadrilateral
+    | p | p |      (vertex, e, f, e') with e the edge after the corner, f its face and e' the edge before. The dual mesh
+    .---.---.      is that of these quadrilaterals.
 
     refined point of corner i in a face of n corners: sum of c_(i-j) P_j,  c_0 = (n + 5) / 4n,
     c_k = (3 + 2 cos(2 pi k / n)) / 4n
@@ -190,7 +190,7 @@ def _face_points(mesh: PolygonSheets) -> sparse.csr_array:
 
 
 def _ring_means(ring: Ints, sizes: Ints, columns: Ints, n: int) -> sparse.csr_array:
-    """(m, n) refined points: row i has its own corner ring[i, 0], the others of its face up to ring[i, sizes[i] - 1]."""
+    """(m, n) refined points of the corners ring[i, 0] of faces with the corners ring[i, : sizes[i]]."""
     inside = np.arange(ring.shape[1]) < sizes[:, None]
     weights = np.zeros(ring.shape)
     for size in np.unique(sizes[sizes > 0]).tolist():

@@ -2,7 +2,7 @@
 
     rectangle of m x n quads   one B-spline surface with unit spans, bicubic in Catmull-Clark's scheme and bi-quadratic
                                in Doo-Sabin's: exact
-    cap                        one bi-quintic Bezier patch a quad (`caps`)
+    cap                        one bi-quintic Bezier patch a quad (`quad_caps`)
 
 Both are laid over the same quads, so what two of them share is a row of the quads' edges: the row becomes one edge, cut
 where a third surface begins.
@@ -24,13 +24,14 @@ from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.patches import PatchMosaic
 from recon.subdivision import catmull_clark
-from recon.subdivision.caps import Caps, cap_nets
+from recon.subdivision.caps import Caps
 from recon.subdivision.doo_sabin import doo_sabin_patches
 from recon.subdivision.layout import Layout, Rectangle, isolated, rectangles
 from recon.subdivision.limit_surface import patch_arrays
 from recon.subdivision.limit_tables import CATMULL_CLARK
 from recon.subdivision.mosaic import Strip, Tile, joined
 from recon.subdivision.polygons import MAX_FACES
+from recon.subdivision.quad_caps import cap_nets
 from recon.subdivision.sheets import Sheets, fan_corners
 from recon.subdivision.uniform_splines import clamped
 

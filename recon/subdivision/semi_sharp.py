@@ -1,7 +1,7 @@
 """Semi-sharp creases and corners: sharp for as many steps of refinement as their sharpness says, then smooth.
 
-A step lowers every sharpness by one. An edge of sharpness s >= 1, or on the border, is halved; one of 0 < s < 1 goes the
-share s of the way from its smooth place there. A vertex follows the rule that its sharp edges ask for:
+A step lowers every sharpness by one. An edge of sharpness s >= 1, or on the border, is halved; one of 0 < s < 1 goes
+the share s of the way there from its smooth place. A vertex follows the rule that its sharp edges ask for:
 
     none or one   the scheme's own             two   3/4 of itself, 1/8 of the ends of both (a curve of its own)
     three up, or the vertex itself sharp       it stays
@@ -11,11 +11,10 @@ these: m of the way to the place that the old rule asks for, 1 - m to that of th
 
 When no finite sharpness is left the mesh has smooth and sharp edges alone, and the limit surface is the one it had.
 
-Paper  [derose1998], sharpness as a number and the blend of the rules; where the sharp edges of a vertex differ the mean is
-       over those that end, as in OpenSubdiv, not over all.
+Paper  [derose1998], sharpness as a number and the blend of the rules; where the sharp edges of a vertex differ the mean
+       is over those that end, as in OpenSubdiv, not over all.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -158,9 +157,13 @@ def halved_creases(mesh: ControlMesh, edges: MeshEdges, first: int) -> dict[str,
 
 def firm(mesh: ControlMesh) -> ControlMesh:
     """The mesh with those of its creases and corners that stay sharp."""
-    creases, corners = np.isinf(mesh.crease_sharpness), np.isinf(mesh.corner_sharpness)
-    kept = {"crease_edges": mesh.crease_edges[creases], "corner_vertices": mesh.corner_vertices[corners]}
-    return replace(mesh, **kept, crease_sharpness=np.empty(0), corner_sharpness=np.empty(0))
+    return ControlMesh(
+        mesh.vertices,
+        mesh.face_corners,
+        mesh.face_starts,
+        mesh.crease_edges[np.isinf(mesh.crease_sharpness)],
+        mesh.corner_vertices[np.isinf(mesh.corner_sharpness)],
+    )
 
 
 def semi_sharp_vertices(mesh: ControlMesh) -> Bools:

@@ -97,8 +97,8 @@ def edge_numbers(across: Ints) -> tuple[Ints, int]:
 def cut_along_creases(mesh: ControlMesh, n_corners: int) -> tuple[Sheets, Ints]:
     """The sheets of a control mesh whose faces have `n_corners` each, and (W,) the control vertex behind each vertex.
 
-    Raises  BadGeometry when a face has another number of corners or a crease is semi-sharp; NotManifold when an edge has
-            more than two faces, or two faces disagree about what is outside.
+    Raises  BadGeometry when a face has another number of corners or a crease is semi-sharp; NotManifold when an edge
+            has more than two faces, or two faces disagree about what is outside.
     """
     faces = mesh.faces_of(n_corners)
     across = opposite_sides(faces)
@@ -167,7 +167,7 @@ def fan_numbers(across: Ints, following: Ints) -> Ints:
 
 
 def _kinds(mesh: ControlMesh, sharp_sides: Ints) -> Ints:
-    """(V,) kind of every control vertex by the number of sharp edges that meet in it; sharp_sides (m, 2) sorted ends."""
+    """(V,) kind of every control vertex by the sharp edges that meet in it; sharp_sides (m, 2), the lower end first."""
     edges = np.unique(sharp_sides, axis=0)
     n_sharp = np.bincount(edges.ravel(), minlength=mesh.n_vertices)
     kinds = np.full(mesh.n_vertices, int(VertexKind.CORNER))

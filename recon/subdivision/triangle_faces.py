@@ -5,9 +5,9 @@
       0----1
                             S(u, v) = T((1 - u)(1 - v), u (1 - v), v)
 
-A face covers as large a triangle as it can. One with three regular corners, whatever lies beyond, is one polynomial; the
-fan around an irregular vertex that no triangle shares with another one can be capped. All other triangles are refined,
-and their four parts looked at in the same way: a side of a large triangle has several small ones beyond it.
+A face covers as large a triangle as it can. One with three regular corners, whatever lies beyond, is one polynomial;
+the fan around an irregular vertex can be capped where none of its triangles has another one. All other triangles are
+refined, and their four parts looked at in the same way: a side of a large triangle has several small ones beyond it.
 
 Regular triangles are exact, quartic. Those around an irregular vertex are caps of degree seven (see `caps`): two rows
 of poles along the outer side are given by the box spline beyond, and along a smooth spoke C_i
@@ -71,8 +71,8 @@ class _Level(NamedTuple):
     sheets   cut along the creases that stay sharp; an irregular corner comes first
     turns    (F,) the corner of the mesh's face that does
     whole    the sheets with what is reflected in their borders, and `points` of its vertices
-    regular  (F,) whether no corner is irregular, and `single` (F,) whether one is; in both cases no semi-sharp crease or
-             corner meets the face
+    regular  (F,) whether no corner is irregular, and `single` (F,) whether one is; in both cases no semi-sharp crease
+             or corner meets the face
     """
 
     sheets: Sheets
@@ -133,8 +133,8 @@ def loop_faces(mesh: ControlMesh, *, allowed: float = np.inf) -> LimitFaces:
     Promises  tangent planes agree along every edge that is no crease, but at corners where the surface has none;
               regular triangles are exact. Without semi-sharp creases one face a triangle where irregular vertices are
               isolated, four where two of them share a triangle, and more where `allowed` asks for it.
-    Raises    BadGeometry when a face is no triangle, a vertex has too many faces, or semi-sharp creases take over 250,000
-              triangles; NotManifold.
+    Raises    BadGeometry when a face is no triangle, a vertex has too many faces, or semi-sharp creases take over
+              250,000 triangles; NotManifold.
     """
     exact, caps, off = [], [], 0.0
     left, depth, most = np.ones(mesh.n_faces, dtype=bool), 0, n_steps(mesh) + 1 + MAX_STEPS
