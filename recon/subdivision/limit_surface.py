@@ -26,6 +26,7 @@ from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 __all__ = [
     "LimitPatches",
     "Scheme",
+    "TooCoarse",
     "limit_patches",
     "limit_points",
     "patch_arrays",
@@ -43,6 +44,10 @@ class Scheme(StrEnum):
     LOOP = "loop"
     CATMULL_CLARK = "catmull-clark"
     DOO_SABIN = "doo-sabin"
+
+
+class TooCoarse(BadGeometry):
+    """A mesh of so few faces that those around neighbouring vertices are the same; once refined it is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +87,8 @@ def limit_patches(mesh: ControlMesh, scheme: Scheme = Scheme.LOOP) -> LimitPatch
 def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets, chosen: Ints | None = None) -> PatchArrays:
     """Patches of all faces of a mesh, or of the chosen ones alone; corner 0 is the only one that may be irregular.
 
-    whole  the mesh with what is reflected in its borders
+    whole   the mesh with what is reflected in its borders
+    Raises  TooCoarse; BadGeometry when a vertex has too many faces.
     """
     faces, across, kinds = sheets
     n_faces = np.bincount(faces.ravel(), minlength=len(kinds))
@@ -99,7 +105,7 @@ def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets, chosen: Ints | Non
     keys, number = _table_keys(sheets, irregular)
     made = [corner_table(rules, VertexKind(k), n, p) for k, n, p in keys.tolist()]
     if any(len(made[t].limit) != k for t, k in zip(number.tolist(), lengths.tolist())):
-        raise BadGeometry("control mesh", "the faces around two neighbouring vertices are the same: refine it first")
+        raise TooCoarse("control mesh", "the faces around two neighbouring vertices are the same: refine it first")
     n_regular = rules.basis().shape[1]
     counts = np.zeros(len(faces), dtype=np.int64)
     counts[regular], counts[irregular] = n_regular, lengths

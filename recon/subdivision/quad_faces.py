@@ -27,7 +27,7 @@ from recon.subdivision import catmull_clark
 from recon.subdivision.caps import Caps
 from recon.subdivision.doo_sabin import doo_sabin_patches
 from recon.subdivision.layout import Layout, Rectangle, isolated, rectangles
-from recon.subdivision.limit_surface import patch_arrays
+from recon.subdivision.limit_surface import TooCoarse, patch_arrays
 from recon.subdivision.limit_tables import CATMULL_CLARK
 from recon.subdivision.mosaic import Strip, Tile, joined
 from recon.subdivision.polygons import MAX_FACES
@@ -67,10 +67,13 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, allowed: flo
     Raises    BadGeometry when a face is no quadrilateral or a vertex has too many faces; NotManifold.
     """
     for steps in range(MAX_STEPS + 1):
-        layout = isolated(mesh, CATMULL_CLARK, steps)
+        layout = isolated(mesh, steps)
         whole = catmull_clark.extended(layout.sheets)
         points = whole.matrix @ (layout.points @ mesh.vertices)
-        caps = _caps(layout, whole.sheets, points)
+        try:
+            caps = _caps(layout, whole.sheets, points)
+        except TooCoarse:
+            continue
         if caps.are_good(allowed) or 4 * len(layout.faces) > MAX_FACES:
             break
     regular = np.flatnonzero(layout.regular)

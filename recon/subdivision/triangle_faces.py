@@ -46,7 +46,7 @@ from recon.subdivision.caps import (
 )
 from recon.subdivision.evaluation import PatchArrays
 from recon.subdivision.layout import irregular_corners, turned_faces
-from recon.subdivision.limit_surface import patch_arrays
+from recon.subdivision.limit_surface import TooCoarse, patch_arrays
 from recon.subdivision.limit_tables import LOOP, regular_table
 from recon.subdivision.mosaic import Strip, Tile, joined
 from recon.subdivision.polygons import MAX_FACES, n_steps, refined, split_triangles
@@ -159,7 +159,7 @@ def loop_faces(mesh: ControlMesh, *, allowed: float = np.inf) -> LimitFaces:
 
 def _level(mesh: ControlMesh) -> _Level:
     cut, behind = cut_along_creases(firm(mesh), 3)
-    irregular = irregular_corners(cut, LOOP)
+    irregular = irregular_corners(cut, loop.REGULAR_FACES)
     turns = irregular.argmax(axis=1)
     sheets = Sheets(*turned_faces(cut.faces, cut.across, turns), cut.kinds)
     whole = loop.extended(sheets)
@@ -184,7 +184,10 @@ def _caps(level: _Level, wanted: Bools, allowed: float | None) -> tuple[Ints, Fl
     chosen = np.flatnonzero(wanted & all_wanted[apex])
     if not len(chosen):
         return chosen, np.empty((0, len(indices(CAP)), 3)), 0.0
-    arrays = patch_arrays(LOOP, level.sheets, level.whole, chosen)
+    try:
+        arrays = patch_arrays(LOOP, level.sheets, level.whole, chosen)
+    except TooCoarse:
+        return chosen[:0], np.empty((0, len(indices(CAP)), 3)), 0.0
     quartic = np.einsum("ab,nbx->nax", regular_table(), level.points[loop.regular_rings(level.whole, chosen)])
     outer = np.einsum("ab,nbx->nax", raised(4, CAP), quartic)
     caps = _fan_caps(level.sheets, (arrays, level.points), outer, chosen)
