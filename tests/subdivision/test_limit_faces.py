@@ -46,7 +46,7 @@ TRIANGLES = {
 }
 POLYGONS = {
     "prism": prism(5),
-    "dual": dual(triangles(ball(8, 3))),
+    "dual": dual(triangles(ball(8, 1))),
     "triangles": triangles(ball(6, 1)),
     "open polygons": opened(dual(triangles(ball(10, 3))), 0),
     "polygons with a crease": ringed(prism(7), 13),
