@@ -17,7 +17,7 @@ from pysat.solvers import Solver
 
 from recon.three_view.conditions import Clause, Conditions
 from recon.three_view.counting import exact_count
-from recon.three_view.view_graph import linked
+from recon.three_view.tables import linked
 
 __all__ = ["FreeChoice", "Labelings", "consistent_labelings", "is_consistent"]
 

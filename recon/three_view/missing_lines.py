@@ -70,7 +70,7 @@ def _each_once(segments: Floats) -> Floats:
 def _vertices(others: Sequence[ViewGraph], view: ViewGraph) -> tuple[Ints, Ints]:
     """Coordinate numbers (n, 3) on which corners of the two other views agree, and the points (n, 2) that show them."""
     depth = view.projection.depth
-    shown = [np.flatnonzero(graph.corners()) for graph in others]
+    shown = [np.flatnonzero(graph.corners) for graph in others]
     column = [graph.projection.axes.index(depth) for graph in others]
     first, second = (graph.points[rows, c] for graph, rows, c in zip(others, shown, column))
     a, b = np.nonzero(first[:, None] == second)

@@ -198,5 +198,5 @@ def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True, altern
     made = fragments(wire, candidate_planes(wire, snap), snap)
     sights = sight_lines(made, graphs, snap)
     cells = space_cells(made, sights)
-    hidden = [graph.hidden if line_types else None for graph in graphs]
-    return Arrangement(graphs, made, cells, conditions(made, cells, sights, hidden, alternatives=alternatives))
+    lines = [(graph.telling(snap), graph.hidden if line_types else None) for graph in graphs]
+    return Arrangement(graphs, made, cells, conditions(made, cells, sights, lines, alternatives=alternatives))

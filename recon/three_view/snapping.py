@@ -18,7 +18,7 @@ __all__ = ["shared_coordinates", "snap_lengths"]
 
 Floats = NDArray[np.float64]
 
-LEVELS = (3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)  # of the drawing's size
+LEVELS = tuple(3e-6 * 2.0**k for k in range(9))  # of the drawing's size; its least features may be a few errors long
 SPARE = 0.1  # share of the coordinates; too fine a length finds no solid, and the next one is tried
 
 

@@ -32,11 +32,12 @@ def step_solid(path):
 
 
 def kernel_shape(polyhedron):
+    """The solid with whole edges: the kernel's boolean fails where those at which a body touches itself are cut."""
     import cadquery
 
     from brep_export.solids import polyhedron_solid
 
-    return cadquery.Shape.cast(polyhedron_solid(polyhedron))
+    return cadquery.Shape.cast(polyhedron_solid(polyhedron)).clean()
 
 
 def difference(one, other):
