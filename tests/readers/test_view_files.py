@@ -91,6 +91,22 @@ def test_views_at_their_own_scales_are_brought_to_that_of_the_front_view(tmp_pat
     assert any("scale" in note for note in read.notes)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_views_whose_every_coordinate_is_off_are_parted_and_aligned_all_the_same(seed, tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    rng = np.random.default_rng(seed)
+    for line in document.modelspace():
+        line.dxf.start += tuple(rng.uniform(-0.01, 0.01, 2))
+        line.dxf.end += tuple(rng.uniform(-0.01, 0.01, 2))
+    path = tmp_path / "part.dxf"
+    document.saveas(path)
+    read = read_views(path)
+    assert read.notes == ("third angle, side view from the right",)
+    for (_, view), name in zip(read.drawing, VIEWS):
+        given = np.array([*VIEWS[name], *DASHED[name]], dtype=float).reshape(-1, 2, 2)
+        np.testing.assert_allclose(view.segments, given, atol=0.03)
+
+
 def test_what_is_no_edge_is_set_aside_and_counted(tmp_path):
     document = sheet(PLACES["third angle, side view from the right"])
     space = document.modelspace()
