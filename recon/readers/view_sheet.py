@@ -238,8 +238,8 @@ def _aligned(views: Sequence[Strokes], scales: tuple[float, float], mirrored: bo
     if mirrored:
         placed = [segments * [-1, 1] + [segments[:, :, 0].max(), 0.0] for segments in placed]
     front, top, side = placed
-    top = top + [_off(top[:, :, 0], front[:, :, 0]), 0.0]
-    side = side + [_off(side[:, :, 0], top[:, :, 1]), _off(side[:, :, 1], front[:, :, 1])]
+    top = top + np.array([_off(top[:, :, 0], front[:, :, 0]), 0.0])
+    side = side + np.array([_off(side[:, :, 0], top[:, :, 1]), _off(side[:, :, 1], front[:, :, 1])])
     return ThreeViews(*(DrawnView(made, view.hidden) for made, view in zip((front, top, side), views)))
 
 

@@ -1,7 +1,7 @@
 """Straight rows of edges of a view, and the points where lines of several directions meet.
 
-    a---b- -c---d          a-b, b-c and c-d make one run, whatever their line types;
-            |              c is a corner, b is none
+a---b- -c---d          a-b, b-c and c-d make one run, whatever their line types;
+        |              c is a corner, b is none
 """
 
 import numpy as np
