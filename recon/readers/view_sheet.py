@@ -16,7 +16,6 @@ as that of the part's mirror image, whose side view looks from the right.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -206,16 +205,26 @@ def _without_margin(strokes: Strokes) -> Iterator[Strokes]:
 
 
 def _fits(strokes: Strokes, layout: Layout) -> list[Fit]:
-    """Every way to cut the sheet into quarters as the layout wants it, with the misfit of the shared lengths."""
+    """Every way to cut the sheet into views as the layout wants it, with the misfit of the shared lengths."""
     box = _boxes(strokes.segments)
-    found: list[Fit] = []
-    for x, y in product(_gaps(box[:, 0], box[:, 2]), _gaps(box[:, 1], box[:, 3])):
-        quarter = np.column_stack([box[:, 0] > x, box[:, 1] > y]).astype(np.int64)
-        front, top, side = (strokes.chosen((quarter == q).all(axis=1)) for q in (layout.front, layout.top, layout.side))
-        counts = [len(view.segments) for view in (front, top, side)]
-        if min(counts) and sum(counts) == len(box):
-            found.append(_fit(layout, (front, top, side)))
-    return found
+    return [_fit(layout, (strokes.chosen(f), strokes.chosen(t), strokes.chosen(s))) for f, t, s in _cuts(box, layout)]
+
+
+def _cuts(box: Floats, layout: Layout) -> Iterator[tuple[Flags, Flags, Flags]]:
+    """Rows of the front, top and side view: one of the two others is cut off from edge to edge, then the front view.
+
+    A view at a scale of its own may reach over the gap between the others; its middle tells where it stands.
+    """
+    for along, alone in ((1, layout.top), (0, layout.side)):
+        across = 1 - along
+        for first in _gaps(box[:, along], box[:, along + 2]):
+            together = (box[:, along] > first) == layout.front[along]
+            rest = box[~together]
+            middle = (rest[:, across].min() + rest[:, across + 2].max()) / 2
+            for second in _gaps(box[together, across], box[together, across + 2]):
+                front = together & ((box[:, across] > second) == layout.front[across])
+                if (middle > second) == alone[across]:
+                    yield (front, ~together, together & ~front) if along else (front, together & ~front, ~together)
 
 
 def _fit(layout: Layout, views: tuple[Strokes, Strokes, Strokes]) -> Fit:

@@ -29,7 +29,7 @@ from recon.three_view.planes import candidate_planes
 from recon.three_view.plausibility import ranked
 from recon.three_view.repairs import Repair, likely_repairs, repaired
 from recon.three_view.sight_lines import sight_lines
-from recon.three_view.snapping import snap_lengths
+from recon.three_view.snapping import snap_lengths, unequal_spans
 from recon.three_view.verification import Difference, differences
 from recon.three_view.vertices import candidate_vertices
 from recon.three_view.view_graph import ViewGraph, view_graphs
@@ -159,10 +159,12 @@ class Diagnosis:
 
     conflict  lines that contradict each other, none to spare
     repairs   single changes after which there is a solid, the most likely first
+    spans     in words, axes along which two views do not reach equally far
     """
 
     conflict: tuple[DrawnLine, ...]
     repairs: tuple[Repair, ...]
+    spans: tuple[str, ...] = ()
 
 
 def diagnose(drawing: ThreeViews, options: ViewsOptions | None = None, *, limit: int = 3) -> Diagnosis:
@@ -179,7 +181,7 @@ def diagnose(drawing: ThreeViews, options: ViewsOptions | None = None, *, limit:
         return Diagnosis((), ())
     tried = islice(likely_repairs(drawing, conflict, snap, ask), TRIED)
     repairs = islice((repair for repair in tried if _mends(drawing, repair, snap, options)), limit)
-    return Diagnosis(tuple(conflict), tuple(repairs))
+    return Diagnosis(tuple(conflict), tuple(repairs), tuple(unequal_spans(drawing, snap)))
 
 
 def _mends(drawing: ThreeViews, repair: Repair, snap: float, options: ViewsOptions) -> bool:
