@@ -10,6 +10,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -26,7 +27,7 @@ from recon.three_view.edges import candidate_edges
 from recon.three_view.fragments import Fragments, fragments
 from recon.three_view.labeling import Labelings, consistent_labelings, is_consistent
 from recon.three_view.planes import candidate_planes
-from recon.three_view.plausibility import ranked
+from recon.three_view.plausibility import plausibility, ranked
 from recon.three_view.repairs import Repair, likely_repairs, repaired
 from recon.three_view.sight_lines import sight_lines
 from recon.three_view.snapping import snap_lengths, unequal_spans
@@ -144,8 +145,10 @@ def interpret(
         doing("dividing space")
         arranged = arrange(drawing, snap, line_types=options.line_types)
         doing("choosing solid cells")
-        walls = arranged.cells.of_side
-        labelings = consistent_labelings(arranged.conditions, walls, limit=options.limit, seconds=options.seconds)
+        cost = partial(plausibility, arranged.fragments, arranged.cells)
+        labelings = consistent_labelings(
+            arranged.conditions, arranged.cells.of_side, cost, limit=options.limit, seconds=options.seconds
+        )
         if labelings is not None:
             doing("ranking the solids")
             order = ranked(arranged.fragments, arranged.cells, labelings)
