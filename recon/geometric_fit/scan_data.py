@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -29,6 +30,7 @@ __all__ = ["ScanData", "fold_places", "refuse_tangles", "scan_data"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+SmallInts = NDArray[np.int32]
 
 SAMPLE_WEIGHT = 0.05
 MOST_PIECES = 64  # into which the side of a triangle is cut
@@ -74,18 +76,20 @@ class ScanData:
         """Search tree over the points."""
         return cKDTree(self.points, leafsize=32, balanced_tree=False, compact_nodes=False)
 
+    @cached_property
+    def _vertex_numbers(self) -> SmallInts:
+        """The vertex of the mesh that each point is, as far as the points are vertices."""
+        return np.flatnonzero(_is_used(self.mesh)).astype(np.int32)
+
     def _faces_at(self, points: Ints) -> tuple[Ints, Ints]:
         """Where the triangles around each of some points (n,), each named once, begin, (n + 1,), and all of these."""
-        n, first_sample = len(points), len(self.points) - len(self.sampled_faces)
-        of_mesh, samples = np.flatnonzero(points < first_sample), np.flatnonzero(points >= first_sample)
-        number = np.full(self.mesh.n_vertices, -1, dtype=np.int32)
-        number[np.flatnonzero(_is_used(self.mesh))[points[of_mesh]]] = of_mesh
-        corner = number[self.mesh.face_vertices]
-        face, side = np.nonzero(corner >= 0)
-        owner = np.concatenate([corner[face, side], samples])
-        faces = np.concatenate([face, self.sampled_faces[points[samples] - first_sample]])
-        starts = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=n))])
-        return starts, faces[np.argsort(owner, kind="stable")]
+        n_vertices = len(self._vertex_numbers)
+        place = np.full(self.mesh.n_vertices, -1, dtype=np.int32)
+        is_vertex = points < n_vertices
+        place[self._vertex_numbers[points[is_vertex]]] = np.flatnonzero(is_vertex)
+        of_samples = np.full(len(points), -1)
+        of_samples[~is_vertex] = self.sampled_faces[points[~is_vertex] - n_vertices]
+        return _faces_around(self.mesh.face_vertices, place, of_samples)
 
     def nearest_on_triangles_at(self, places: Floats, at: Ints) -> tuple[Floats, Ints]:
         """(n, 3) the nearest point of the triangles around scan point at[i] to place i, and (n,) its triangle."""
@@ -187,6 +191,32 @@ def _samples_on_large(mesh: TriangleMesh, n_control: int) -> tuple[Floats, Ints]
         points.append(np.einsum("mk,fkx->fmx", bary, mesh.vertices[mesh.face_vertices[chosen]]).reshape(-1, 3))
         faces.append(np.repeat(chosen, len(v)))
     return np.concatenate(points), np.concatenate(faces)
+
+
+@njit(cache=True)
+def _faces_around(faces: Ints, place: SmallInts, alone: Ints) -> tuple[Ints, Ints]:  # pragma: no cover - compiled
+    """The faces with a corner at each of n places, as starts (n + 1,) and their numbers.
+
+    place  (V,) which place a vertex is, -1 for none
+    alone  (n,) the one face of a place that is no vertex, -1 for the others
+    """
+    starts = np.zeros(len(alone) + 2, dtype=np.int64)
+    starts[2:] = (alone >= 0).astype(np.int64)
+    for face in range(len(faces)):
+        for corner in range(3):
+            starts[place[faces[face, corner]] + 2] += place[faces[face, corner]] >= 0
+    starts = np.cumsum(starts)
+    found = np.empty(starts[-1], dtype=np.int64)
+    for at in np.flatnonzero(alone >= 0):
+        found[starts[at + 1]] = alone[at]
+        starts[at + 1] += 1
+    for face in range(len(faces)):
+        for corner in range(3):
+            at = place[faces[face, corner]]
+            if at >= 0:
+                found[starts[at + 1]] = face
+                starts[at + 1] += 1
+    return starts[:-1], found
 
 
 def fold_places(vertices: Floats, faces: Ints) -> Floats:
