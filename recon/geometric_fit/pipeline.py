@@ -32,7 +32,7 @@ from recon.geometric_fit.options import FitOptions, FittedSurface
 from recon.geometric_fit.quad_mesh import initial_quads
 from recon.geometric_fit.quad_splits import refine_quads
 from recon.geometric_fit.quad_turns import turned_to_even_valences
-from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
+from recon.geometric_fit.refinement import flip_to_delaunay, flip_to_even_valences, split_faces
 from recon.geometric_fit.relaxation import relaxed
 from recon.geometric_fit.sampling import Sample, joined_by, sample_of
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
@@ -271,7 +271,7 @@ class _Fit:
         if self._options.scheme is not Scheme.LOOP:
             return self._ground(turned_to_even_valences(refine_quads(mesh, worst, n_new)))
         split = split_faces(mesh, worst, n_new)
-        flipped = self._ground(flip_to_even_valences(split))
+        flipped = self._ground(_flipped(split))
         n_folded = flipped.n_folded()
         if n_folded == 0:
             return flipped
@@ -312,6 +312,11 @@ class _Fit:
             folds=folds,
             n_closed=self._n_closed,
         )
+
+
+def _flipped(mesh: ControlMesh) -> ControlMesh:
+    """Even valences; between sharp edges no slivers, which fold sooner than uneven valences do harm."""
+    return flip_to_delaunay(mesh) if len(mesh.crease_edges) else flip_to_even_valences(mesh)
 
 
 def _is_ragged(mesh: ControlMesh) -> bool:

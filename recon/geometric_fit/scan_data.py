@@ -42,6 +42,7 @@ class ScanData:
     """Points to fit, and the scan they come from.
 
     mesh        the scan, with its cut-off edges put back where it has some
+    as_measured the scan without these
     points      (N, 3) the scan's vertices that faces use, then vertices that fill its holes, then samples on large
                 triangles
     weights     (N,) how much each counts
@@ -53,6 +54,7 @@ class ScanData:
     """
 
     mesh: TriangleMesh
+    as_measured: TriangleMesh
     points: Floats
     weights: Floats
     normals: NDArray[np.float32]
@@ -133,8 +135,8 @@ class ScanData:
 
     @cached_property
     def folds(self) -> Floats:
-        """(m, 3) middles of the edges at which the scan itself folds."""
-        return fold_places(self.mesh.vertices, self.mesh.face_vertices)
+        """(m, 3) middles of the edges at which the scan itself folds, beside those that were put back."""
+        return fold_places(self.as_measured.vertices, self.as_measured.face_vertices)
 
 
 def scan_data(mesh: TriangleMesh, n_control: int, *, sharp: SharpScan | None = None, n_measured: int = -1) -> ScanData:
@@ -144,22 +146,23 @@ def scan_data(mesh: TriangleMesh, n_control: int, *, sharp: SharpScan | None = N
     sharp       the same with its edges put back; None: it has none
     n_measured  vertices from here on fill holes, and weigh as little as samples, as do those put back; -1: none do
     """
-    measured_at, mesh, sharp_edges = mesh.vertices, *(sharp or SharpScan(mesh, np.empty((0, 2), dtype=np.int64)))
+    as_measured = mesh
+    mesh, sharp_edges = sharp or SharpScan(mesh, np.empty((0, 2), dtype=np.int64))
     used = np.flatnonzero(_is_used(mesh))
     normals = vertex_normals(mesh.vertices, mesh.face_vertices).astype(np.float32)[used]
     vertices = _chosen(mesh.vertices, used)
     samples, face = _samples_on_large(mesh, n_control)
-    measured = used < (len(measured_at) if n_measured < 0 else n_measured)
+    measured = used < (as_measured.n_vertices if n_measured < 0 else n_measured)
     weights = np.where(measured, 1.0, SAMPLE_WEIGHT)
     if len(samples):
         a, b, c = mesh.vertices[mesh.face_vertices[face]].transpose(1, 0, 2)
         vertices = np.concatenate([vertices, samples])
         normals = np.concatenate([normals, unit_vectors(np.cross(b - a, c - a)).astype(np.float32)])
         weights = np.concatenate([weights, np.full(len(samples), SAMPLE_WEIGHT)])
-    measured_at = _chosen(measured_at, used[measured])
+    measured_at = _chosen(as_measured.vertices, used[measured])
     # as they are in the mesh, edges put back: what a share of the diagonal is does not depend on them
     diagonal = float(np.linalg.norm(np.ptp(vertices[: len(used)][measured], axis=0)))
-    return ScanData(mesh, vertices, weights, normals, face, measured_at, diagonal, sharp_edges)
+    return ScanData(mesh, as_measured, vertices, weights, normals, face, measured_at, diagonal, sharp_edges)
 
 
 def _is_used(mesh: TriangleMesh) -> NDArray[np.bool_]:

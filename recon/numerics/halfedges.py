@@ -99,7 +99,7 @@ class EdgeTable(NamedTuple):
 def edge_table(faces: Ints) -> EdgeTable:
     """All edges of a list of triangles, or of quadrilaterals, with the sides that lie on them."""
     flat = np.ascontiguousarray(faces).ravel()
-    face_edges = np.empty(flat.shape, dtype=np.int64)
+    face_edges = np.empty(len(flat), dtype=np.int64)
     ends, uses = _numbered(flat, faces.shape[1], int(flat.max(initial=-1)) + 1, face_edges)
     return EdgeTable(ends, face_edges.reshape(faces.shape), faces < np.roll(faces, -1, axis=1), uses)
 
@@ -107,9 +107,9 @@ def edge_table(faces: Ints) -> EdgeTable:
 def numbered_edges(faces: Ints) -> tuple[SmallInts, SmallInts]:
     """(E, 2) ends of all edges and (F, k) the edge along each side: of an edge table what scans of millions need."""
     flat = np.ascontiguousarray(faces).ravel()
-    face_edges = np.empty(flat.shape, dtype=np.int32)
+    face_edges = np.empty(len(flat), dtype=np.int32)
     ends, _ = _numbered(flat, faces.shape[1], int(flat.max(initial=-1)) + 1, face_edges)
-    return ends, face_edges.reshape(faces.shape)
+    return ends.astype(np.int32, copy=False), face_edges.reshape(faces.shape)
 
 
 @njit(cache=True)
