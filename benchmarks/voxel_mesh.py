@@ -16,11 +16,10 @@ import numpy as np
 
 from recon.errors import ReconError
 from recon.geometry.voxel_grid import VoxelGrid, binary_grid
-from recon.numerics.distance import sample_surface
+from recon.numerics.distance import TriangleTree, sample_surface
 from recon.numerics.self_intersection import crossing_triangles
 from recon.readers.volumes import read_volume
 from recon.voxel_mesh.marching_cubes import GridSurface, marching_cubes
-from recon.voxel_mesh.near_faces import distances_from
 from recon.voxel_mesh.simplify import Goal, simplified
 from recon.voxel_mesh.topology import mesh_topology
 
@@ -97,8 +96,9 @@ def ball_with_slot(n: int) -> VoxelGrid:
 
 def metro(one: Mesh, other: Mesh) -> float:
     """Largest distance of samples and vertices of either mesh from the other."""
-    points = [np.concatenate([sample_surface(*mesh, SAMPLES), mesh[0]]) for mesh in (one, other)]
-    return float(max(distances_from(points[0], *other).max(), distances_from(points[1], *one).max()))
+    samples = [np.concatenate([sample_surface(*mesh, SAMPLES), mesh[0]]) for mesh in (one, other)]
+    away = [TriangleTree(*mesh).closest(points).distances for mesh, points in zip((other, one), samples)]
+    return float(max(away[0].max(), away[1].max()))
 
 
 def row(surface: GridSurface, grid: VoxelGrid, n: int, method: Method) -> str:

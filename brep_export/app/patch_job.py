@@ -113,20 +113,31 @@ def kernel_piece(piece: MissingPiece) -> tuple[TopoDS_Shape, ShapeKind]:
 
 @dataclass(frozen=True, eq=False)
 class BuiltPiece:
-    """A piece, its kernel shape, and what the gate said of it."""
+    """A piece, its kernel shape, what the gate said of it, and how a solid that passed lies between its neighbours."""
 
     piece: MissingPiece
     shape: TopoDS_Shape
     report: CheckReport
+    placing: Placing | None
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """What passed the gate comes before what did not, then what cuts least into its neighbours."""
+        gap = None if self.placing is None else self.placing.usual_gap_mm
+        return self.report.passed, 0.0 if gap is None else gap
+
+    @property
+    def sound(self) -> bool:
+        return self.report.passed and (self.placing is None or not self.placing.cuts_in)
 
 
 def built(pieces: Iterator[MissingPiece], bench: Bench, *, name: str = "") -> BuiltPiece:
-    """The first piece whose shape passes the gate; the first of all where none does.
+    """The first piece that passes the gate and does not cut into its neighbours; else the best, the first of like ones.
 
     pieces  of one hole, by the readings of its walls, at least one; made as they are asked for
     Raises  what the first piece raised, where none could be built.
     """
-    first: BuiltPiece | None = None
+    best: BuiltPiece | None = None
     error: ReconError | None = None
     while True:
         with bench.phase("reconstruct", f"{name}finding the hole"):
@@ -134,40 +145,52 @@ def built(pieces: Iterator[MissingPiece], bench: Bench, *, name: str = "") -> Bu
         if piece is None:
             break
         try:
-            with bench.phase("brep", f"{name}building the shape"):
-                shape, kind = kernel_piece(piece)
+            made = _built(piece, bench, name)
         except ReconError as failure:
             error = error or failure
             continue
-        made = BuiltPiece(piece, shape, gate(shape, TOLERANCE, kind, bench))
-        if made.report.passed:
+        if made.sound:
             return made
-        first = first or made
-    if first is None:
+        best = made if best is None or made.rank > best.rank else best
+    if best is None:
         raise error or NoHole("no piece was made.")
-    return first
+    return best
+
+
+def _built(piece: MissingPiece, bench: Bench, name: str) -> BuiltPiece:
+    with bench.phase("brep", f"{name}building the shape"):
+        shape, kind = kernel_piece(piece)
+    report = gate(shape, TOLERANCE, kind, bench)
+    if not report.passed or kind is not ShapeKind.SOLID:
+        return BuiltPiece(piece, shape, report, None)
+    with bench.phase("check", f"{name}setting the piece in"):
+        placing = place(report.triangles(), piece.sherds, tolerance=scans_tolerance(piece.settling))
+    return BuiltPiece(piece, shape, report, placing)
 
 
 @dataclass(frozen=True, eq=False)
 class _Proved:
-    """A piece with its kernel shape, what the gate said of it, and how far it may be trusted; notes about it
-    begin with the name.
-    """
+    """A built piece, its thickness, and how far it may be trusted; notes about it begin with the name."""
 
-    piece: MissingPiece
+    found: BuiltPiece
     thickness: Thickness | None
-    shape: TopoDS_Shape
-    report: CheckReport
     trust: Confidence
     name: str
 
+    @property
+    def piece(self) -> MissingPiece:
+        return self.found.piece
+
     def parcel(self, outputs: Sequence[str], picture: str | None) -> Parcel:
-        triangles = self.report.triangulation
+        report = self.found.report
+        triangles = report.triangulation
         expected = None if triangles is None else self.trust.at(triangles.vertices)
-        paint = partial(_paint, self.piece.sherds, self.report, expected)
+        paint = partial(_paint, self.piece.sherds, report, expected)
         title = f"the piece of {self.name[:-2]}" if self.name else "the piece"
         measured, colours = partial(_measured, self.piece.sherds, self.trust), _colours(expected, outputs)
-        return Parcel(self.shape, self.report, outputs, picture, paint, colours=colours, measured=measured, title=title)
+        return Parcel(
+            self.found.shape, report, outputs, picture, paint, colours=colours, measured=measured, title=title
+        )
 
     def figures(self, bench: Bench) -> dict[str, Any]:
         return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self, bench)
@@ -279,7 +302,7 @@ def _proved(found: BuiltPiece, request: Mapping[str, Any], bench: Bench, *, name
         _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench, name)
     with bench.phase("reconstruct", f"{name}fitting again without each sherd"):
         trust = confidence(piece)
-    return _Proved(piece, thickness, found.shape, found.report, trust, name)
+    return _Proved(found, thickness, trust, name)
 
 
 def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:
@@ -363,11 +386,9 @@ def _trust(trust: Confidence) -> dict[str, Any]:
 
 def _fit(proved: _Proved, bench: Bench) -> dict[str, Any]:
     """How a closed piece lies between its neighbours, and the way in which it is set in."""
-    piece, report = proved.piece, proved.report
-    if report.expected is not ShapeKind.SOLID or not report.passed:
+    placing = proved.found.placing
+    if placing is None:
         return {}
-    with bench.phase("check", f"{proved.name}setting the piece in"):
-        placing = place(report.triangles(), piece.sherds, tolerance=scans_tolerance(piece.settling))
     for note in placing.notes:
         bench.note(f"{proved.name}{note}", name="placing")
     return _placing_figures(placing)
@@ -376,13 +397,12 @@ def _fit(proved: _Proved, bench: Bench) -> dict[str, Any]:
 def _placing_figures(placing: Placing) -> dict[str, Any]:
     """Sherds are named by their number among those given, or, where a file held several, among all of them."""
     gaps = [neighbour.gap_mm for neighbour in placing.neighbours]
-    usual = [n.usual_gap_mm for n in placing.neighbours if n.usual_gap_mm is not None]
     overlaps = [n.overlap_share for n in placing.neighbours if n.overlap_share is not None]
     way = placing.insert_direction
     return {
         "gap": {
             "min": min(gaps, default=None),
-            "usual": min(usual, default=None),
+            "usual": placing.usual_gap_mm,
             "overlap": sum(overlaps) if overlaps else None,
             "unit": "mm, share",
         },

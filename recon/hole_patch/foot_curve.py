@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from recon.geometry.bspline import BSplineCurve
 from recon.hole_patch.axis import coverage
 from recon.hole_patch.edge_cleaning import crossings
-from recon.hole_patch.profile_curve import EXTENDED, LEAST_RADIUS, fit_curve, fit_lip_curve
+from recon.hole_patch.profile_curve import EXTENDED, LEAST_RADIUS, fit_curve, fit_lip_curve, is_limp
 from recon.hole_patch.section_samples import (
     SectionSamples,
     edge_length,
@@ -63,23 +63,37 @@ def fit_foot_curve(
 
     samples, s  of the wall, and their rough lengths
     over        whether the curve goes on beyond the axis as its own mirror image
-    start       as of `fit_curve`
+    start       as of `fit_curve`; whether it turns sharply is taken over from it
     Promises    as of `fit_curve`; it does not cross itself where it turns sharply.
     """
-    stiff = fit_curve(*_both_ways(samples, s, over), start=start)
+    if start is not None and not is_limp(start):
+        return fit_curve(*_both_ways(samples, s, over), start=start)
     recurs = recurring(wall, axis, samples, s)
-    known = samples.of(recurs)
     edge = axis.cylindrical(wall.edge.points)[:, 1:]
+    if start is not None:
+        again, _, _ = _limp(wall, samples.of(recurs), edge, over=over, start=start)
+        if not _crosses_itself(again):
+            return again
+    stiff = fit_curve(*_both_ways(samples, s, over))
     beside = _beside_hole(samples, s, edge)[recurs]
-    left = _missed(stiff, known.of(beside), s[recurs][beside])
+    left = _missed(stiff, samples.of(recurs).of(beside), s[recurs][beside])
     if left < MISSED:
         return stiff
+    limp, known, s = _limp(wall, samples.of(recurs), edge, over=over)
+    return stiff if _missed(limp, known, s) > BETTER * left or _crosses_itself(limp) else limp
+
+
+def _limp(
+    wall: Wall, known: SectionSamples, edge: Floats, *, over: bool, start: BSplineCurve | None = None
+) -> tuple[BSplineCurve, SectionSamples, Floats]:
+    """A curve that turns as sharply as the samples do, with those that it goes by and their lengths."""
     s = lengths_along_mesh(known, edge, wall=wall.measured)
     together = np.isfinite(s)
     known, s = known.of(together), s[together]
     before = EXTENDED if over else float(np.clip(_first_radius(known, s) - LEAST_RADIUS, 0.0, EXTENDED))
-    limp = fit_lip_curve(*_both_ways(known, s, over), side=edge_length(wall.measured), beyond=(before, EXTENDED))
-    return stiff if _missed(limp, known, s) > BETTER * left or _crosses_itself(limp) else limp
+    both, lengths = _both_ways(known, s, over)
+    side = edge_length(wall.measured)
+    return fit_lip_curve(both, lengths, side=side, beyond=(before, EXTENDED), start=start), known, s
 
 
 def _both_ways(samples: SectionSamples, s: Floats, over: bool) -> tuple[SectionSamples, Floats]:

@@ -43,6 +43,7 @@ Ints = NDArray[np.int64]
 
 TOLERANCE = 0.05  # mm: a fracture is rough, and no direction is perfectly free
 MISFIT = 3.0  # times the median distance between settled neighbours, which 2 % of a normal law go beyond to one side
+DOUBTFUL = 2.0  # tolerances: a wall read one row of faces wrong cuts in three to ten times as deep
 ROUNDING = 1e-6  # mm
 FEWEST = 10  # points that face a neighbour, of which a share means something
 REACH = 3.0  # mm: a sherd farther away is no neighbour
@@ -99,6 +100,16 @@ class Placing:
     tolerance_mm: float
     collision_free: bool | None
     notes: tuple[str, ...] = field(default=())
+
+    @property
+    def usual_gap_mm(self) -> float | None:
+        """The least of the neighbours' usual gaps; None where no fracture faces the piece."""
+        return min((n.usual_gap_mm for n in self.neighbours if n.usual_gap_mm is not None), default=None)
+
+    @property
+    def cuts_in(self) -> bool:
+        """Whether some neighbour's fracture lies deeper in the piece than roughness and scatter explain."""
+        return _or_nothing(self.usual_gap_mm) < -DOUBTFUL * self.tolerance_mm
 
     def __post_init__(self) -> None:
         if self.insert_direction is not None:

@@ -26,7 +26,7 @@ from recon.geometry.bspline import BSplineCurve
 from recon.hole_patch.section_samples import SectionSamples
 from recon.numerics.bspline_basis import basis_matrix, uniform_knots
 
-__all__ = ["curve_normals", "fit_curve", "fit_lip_curve", "nearest_facing"]
+__all__ = ["curve_normals", "fit_curve", "fit_lip_curve", "is_limp", "nearest_facing"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -110,6 +110,11 @@ def fit_lip_curve(
     return _weighted_spline(
         samples.place, samples.weight * trust, s + beyond[0], reach=everywhere, span=span, beyond=beyond
     )
+
+
+def is_limp(curve: BSplineCurve) -> bool:
+    """Whether a curve came from `fit_lip_curve`, with knots that `fit_curve` has not."""
+    return float(np.ptp(curve.knots)) / (len(curve.knots) - 1) < 0.5 * SPAN
 
 
 def _rounds(start: BSplineCurve | None) -> range:
