@@ -15,7 +15,7 @@ help:
 	@echo "make test      set up, run the tests"
 	@echo "make test-all  the tests with the long ones"
 	@echo "make lint      formatting, lint, types"
-	@echo "make bench     benchmarks, as tables"
+	@echo "make bench     benchmarks beside other programs, as tables and plots into docs/measured"
 	@echo "make robustness  how many varied and damaged inputs pass, are refused, or come out wrong"
 	@echo "make pictures  the pictures of the README and of the documentation"
 	@echo "make docs      the documentation, into site/"
@@ -49,7 +49,7 @@ lint: $(READY)
 	$(BIN)/mypy
 
 bench: $(READY)
-	@for table in benchmarks/*.py; do $(BIN)/python $$table || exit 1; echo; done
+	$(BIN)/python benchmarks
 
 robustness: $(READY)
 	@for table in benchmarks/*robustness*.py benchmarks/damaged_inputs.py; do $(BIN)/python $$table || exit 1; echo; done

@@ -33,7 +33,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import ConvexHull, cKDTree
 from threadpoolctl import threadpool_limits
 
-from recon.geometric_fit.foot_points import nearest_feet, seed_feet, surface_samples, walk_feet
+from recon.geometric_fit.foot_points import EXACT, Places, nearest_feet, walk_feet
 from recon.geometric_fit.guards import fairness
 from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.options import FitOptions
@@ -46,10 +46,10 @@ from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree, sample_surface
 from recon.numerics.halfedges import vertex_normals
 from recon.readers.meshes import read_mesh
-from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate
+from recon.subdivision.evaluation import points_at
+from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate, tessellation_places
 
 ROUNDS = 6
-STARTS = 12  # samples from which the feet of far points are sought
 SIZES, SHARE = (20_000, 50_000, 134_345, 400_000, 1_000_000), 85  # bumpy balls, and their points a control point
 
 
@@ -95,15 +95,16 @@ def both_ways(scan, mesh, tree, diagonal, scheme=Scheme.LOOP):
 
 
 def distances(patches, placed, data):
-    """Of the data from the surface; those that seem far off are sought again, as a walk may end too soon."""
+    """Of the data from the surface; those that seem far off are sought again, as a walk may end too soon, or at a
+    crease: from all corners of the nearest triangle of a fine tessellation."""
     feet = nearest_feet(patches, placed, data)
     found = np.linalg.norm(feet.positions - data, axis=1)
     far = np.flatnonzero(found > 3.0 * rms(found))
-    starts = seed_feet(surface_samples(patches, placed), data[far], n_nearest=STARTS)
-    again = walk_feet(patches, placed, np.tile(data[far], (STARTS, 1)), starts).positions - np.tile(
-        data[far], (STARTS, 1)
-    )
-    found[far] = np.minimum(found[far], np.linalg.norm(again, axis=1).reshape(STARTS, -1).min(axis=0))
+    *places, triangles = tessellation_places(patches.sheets, 2)
+    drawn = points_at(patches.arrays, placed, *places, 1)[:, 0]
+    for corner in triangles[TriangleTree(drawn, triangles).closest(data[far]).faces].T:
+        again = walk_feet(patches, placed, data[far], Places(*(x[corner] for x in places)), step=EXACT).positions
+        found[far] = np.minimum(found[far], np.linalg.norm(again - data[far], axis=1))
     return found
 
 

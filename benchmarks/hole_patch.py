@@ -20,34 +20,35 @@ from recon.errors import ReconError
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.pipeline import PatchMethod, PatchOptions, patch_hole
+from tables import Table, machine
 from vessels.cases import DEFLECTION, SCANNED, Case, deviation, made_cases, outer_face, scanned_cases
 
 
-def row(case: Case, scan: str, sherds: Sequence[TriangleMesh], method: PatchMethod) -> str:
-    name = f"{case.name}, {scan}"
+def row(case: Case, scan: str, sherds: Sequence[TriangleMesh], method: PatchMethod) -> tuple[object, ...]:
+    """The cells of a row, from the method on."""
     start = time.perf_counter()
     try:
         piece = patch_hole(sherds, PatchOptions(method=method))
     except ReconError as refusal:
-        return f"{name:22} {method:6} refused: {refusal}"
+        return str(method), f"refused: {refusal}"
     spent = time.perf_counter() - start
     edge, inside = piece.outer.edge_distance, deviation(outer_face(piece), case.plain)
-    common = "-"
+    common = None
     if not isinstance(piece.shape, TrimmedSurface):
-        common = f"{common_over_union(triangulate(kernel_piece(piece)[0], DEFLECTION).mesh, case.lost):.3f}"
+        common = common_over_union(triangulate(kernel_piece(piece)[0], DEFLECTION).mesh, case.lost)
     faces = sum(sherd.n_faces for sherd in sherds)
-    distances = "".join(f"{d:8.3f}" for d in (edge.mean(), edge.max(), inside.mean, inside.maximum))
-    return f"{name:22} {method:6} {faces:9,}{distances}{common:>8}{spent:8.2f}"
+    return str(method), faces, edge.mean(), edge.max(), inside.mean, inside.maximum, common, spent
 
 
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else SCANNED
-    titles = ("edge", "max", "inside", "max", "common", "s")
-    print(f"{'vessel':22} {'method':6} {'faces':>9}" + "".join(f"{title:>8}" for title in titles))
+    distances = dict.fromkeys(("edge mean", "edge max", "inside mean", "inside max", "common"), "8.3f")
+    print(f"{machine()}\n")
+    table = Table({"vessel": "22", "method": "6", "faces": "9,"} | distances | {"seconds": "8.2f"})
     for case in chain(made_cases(), scanned_cases(folder)):
         for scan, sherds in (("closed", case.closed), ("outer", case.outer)):
             for method in PatchMethod:
-                print(row(case, scan, sherds, method), flush=True)
+                table.row(f"{case.name}, {scan}", *row(case, scan, sherds, method))
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from recon.geometry.mesh import TriangleMesh
 from recon.hole_patch.settling import settle
 from recon.hole_patch.sherds import surroundings
 from recon.numerics.distance import closest_points
+from tables import Table, machine
 from vessels.cases import SCANNED, Case, deviation, made_cases, scanned_cases
 from vessels.fillers import FILLERS
 from vessels.stitched_wall import StitchedWall, stitched_wall, without_relief
@@ -94,36 +95,39 @@ def results(case: Case) -> Iterator[tuple[str, Result | str]]:
         yield name, filled(name, walls, case) if filler.is_installed() else "not installed"
 
 
-def line(name: str, result: Result | str, our_mean: float) -> str:
+def cells(result: Result | str, our_mean: float) -> tuple[object, ...]:
     if isinstance(result, str):
-        return f"  {name:22}{result}"
-    figures = "".join(f"{x:8.3f}" for x in (*result.edge, *result.inside))
+        return (result,)
     ratio = result.inside[0] / our_mean
-    return f"  {name:22}{result.given:10}{result.yields:8}{result.seconds:7.2f}{result.mb:7.0f}{figures}{ratio:8.1f}"
+    return result.given, result.yields, result.seconds, result.mb, *result.edge, *result.inside, ratio
 
 
-def table(case: Case) -> float:
+def compared(case: Case, table: Table) -> float:
     """Print the rows of a vessel; our mean over that of the best mesh filler, nan where one of them is missing."""
-    print(case.name)
     our_mean, best = np.nan, np.nan
     for name, result in results(case):
         if isinstance(result, Result) and name == OURS:
             our_mean = result.inside[0]
         elif isinstance(result, Result) and result.yields == "mesh":
             best = np.fmin(best, result.inside[0])
-        print(line(name, result, our_mean), flush=True)
+        table.row(case.name, name, *cells(result, our_mean))
     return our_mean / best
 
 
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else SCANNED
-    titles = ("edge", "max", "inside", "max", "x ours")
-    print(f"  {'':22}{'given':10}{'yields':8}{'s':>7}{'MB':>7}" + "".join(f"{title:>8}" for title in titles))
-    ratios = {case.name: table(case) for case in chain(made_cases(), scanned_cases(folder))}
-    print("\nour mean inside over that of the best mesh filler:")
-    print("  " + ", ".join(f"{name} {ratio:.2f}" for name, ratio in ratios.items()))
+    distances = dict.fromkeys(("edge mean", "edge max", "inside mean", "inside max"), "8.3f")
+    print(f"{machine()}\n")
+    table = Table(
+        {"vessel": "16", "method": "22", "given": "9", "yields": "6", "seconds": "7.2f", "MB": "7.0f"}
+        | distances
+        | {"times ours": "8.1f"}
+    )
+    ratios = {case.name: compared(case, table) for case in chain(made_cases(), scanned_cases(folder))}
+    shares = ", ".join(f"{name} {ratio:.2f}" for name, ratio in ratios.items())
+    print(f"\nOur mean inside over that of the best mesh filler: {shares}")
     if missing := sorted({filler.package for filler in FILLERS.values() if not filler.is_installed()}):
-        print(f"not installed: {', '.join(missing)}; all of them come with: pip install 'recon-brep[peers]'")
+        print(f"Not installed: {', '.join(missing)}; all of them come with: pip install 'recon-brep[peers]'")
 
 
 if __name__ == "__main__":

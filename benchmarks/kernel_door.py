@@ -11,7 +11,6 @@ out of fine triangles, exact and with noise, beside building every triangle and 
                25 - 38 + 14 - 1 = 2 - 2 x 1 tunnel
 """
 
-import platform
 import sys
 import time
 from collections.abc import Callable
@@ -31,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from brep_export.solids import mesh_solid, triangle_solid
 from recon.geometry.mesh import TriangleMesh
 from recon.tolerance import Tolerance
+from tables import Table, machine
 
 NOISE = 1e-6
 FACES_AND_EDGES = (14, 38)
@@ -115,31 +115,32 @@ def seconds(job: Callable[[TriangleMesh], Any], mesh: TriangleMesh, runs: int) -
     return best, result
 
 
-def row(name: str, mesh: TriangleMesh, measured: tuple[float, Any], per: float = np.nan) -> float:
+def row(table: Table, name: str, mesh: TriangleMesh, measured: tuple[float, Any], per: float | None = None) -> float:
     spent, shape = measured
-    ratio = "" if np.isnan(per) else f"{spent / per:8.1f}"
-    faces, edges = counts(shape)
-    micro = spent / mesh.n_faces * 1e6
-    print(f"{name:42} {mesh.n_faces:9,} {spent:9.3f} {micro:9.1f} {faces:8,} {edges:8,} {ratio:>8}", flush=True)
+    ratio = None if per is None else spent / per
+    table.row(name, mesh.n_faces, spent, spent / mesh.n_faces * 1e6, *counts(shape), ratio)
     return spent
 
 
 def main() -> None:
     slow = "--slow" in sys.argv[1:]
-    print(f"{platform.machine()}, Python {platform.python_version()}, processor time, best of several runs\n")
-    print(f"{'':42} {'triangles':>9} {'seconds':>9} {'us each':>9} {'faces':>8} {'edges':>8} {'x ours':>8}")
+    print(f"{machine('cadquery-ocp')}; processor time, best of several runs\n")
+    table = Table(
+        {"method": "42", "triangles": "9,", "seconds": "9.3f", "µs each": "9.1f"}
+        | {"faces": "8,", "edges": "8,", "times ours": "8.1f"}
+    )
     sphere = lattice_sphere(32)
     triangle_solid(sphere), merged(lattice_sphere(4))  # what is loaded on first use counts for nobody
-    ours = row("triangles, shared edges (ours)", sphere, seconds(triangle_solid, sphere, 7))
-    row("triangles sewn (kernel)", sphere, seconds(sewn, sphere, 1), ours)
+    ours = row(table, "triangles, shared edges (ours)", sphere, seconds(triangle_solid, sphere, 7))
+    row(table, "triangles sewn (kernel)", sphere, seconds(sewn, sphere, 1), ours)
     for noise in (0.0, NOISE):
         what = f"noise {noise:g}" if noise else "exact"
         small, large = sample_part(6, noise), sample_part(16, noise)
-        ours = row(f"part, {what}, merged and built (ours)", large, seconds(merged, large, 3))
+        ours = row(table, f"part, {what}, merged and built (ours)", large, seconds(merged, large, 3))
         assert counts(merged(large)) == FACES_AND_EDGES
-        few = row(f"part, {what}, merged and built (ours)", small, seconds(merged, small, 3))
+        few = row(table, f"part, {what}, merged and built (ours)", small, seconds(merged, small, 3))
         peer = large if slow else small
-        row(f"part, {what}, built, unified (kernel)", peer, seconds(unified, peer, 1), ours if slow else few)
+        row(table, f"part, {what}, built, unified (kernel)", peer, seconds(unified, peer, 1), ours if slow else few)
 
 
 if __name__ == "__main__":

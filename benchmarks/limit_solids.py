@@ -1,8 +1,9 @@
-"""Solids of limit surfaces: faces, size of the file, angle, distance, processor seconds, by number of quadrilaterals.
+"""Solids of limit surfaces: faces, size of the file, angle, distance, processor seconds, by number of control faces.
 
     python benchmarks/limit_solids.py [SCAN...]
 
-Without scans: a wavy torus of growing size, some of its quads turned into irregular ones. With scans: their remeshes.
+Without scans: a wavy torus of growing size, some of its quads turned into irregular ones. With scans: their remeshes,
+and the smaller of them with a face for every quadrilateral.
 """
 
 import sys
@@ -19,15 +20,15 @@ from brep_export.step import write_step
 from recon.geometric_fit.quad_remesh import remeshed_quads
 from recon.geometry.control_mesh import ControlMesh
 from recon.readers.meshes import read_mesh
-from recon.subdivision.limit_faces import limit_faces
+from recon.subdivision.limit_faces import limit_faces, mean_edge
 from recon.subdivision.limit_surface import Scheme
-from recon.subdivision.quad_faces import catmull_clark_faces
+from recon.subdivision.quad_faces import LimitFaces, catmull_clark_faces
 from recon.tolerance import Tolerance
 
 SIZES = (400, 2500, 10000)
 SCAN_QUADS = (1600, 6300)
 HEADER = (
-    "mesh                quads  irregular  faces  a quad   kB a face  angle deg  off/edge   "
+    "mesh          scheme         control faces  irregular  faces  each   kB a face  angle deg  off/edge   "
     "lay  build  gate  STEP  total s"
 )
 
@@ -52,49 +53,70 @@ def torus(n_quads: int) -> ControlMesh:
     return ControlMesh.from_faces(points, quads)
 
 
-def row(name: str, mesh: ControlMesh) -> str:
+def halved(mesh: ControlMesh) -> ControlMesh:
+    """Every quadrilateral as two triangles."""
+    quads = mesh.faces_of(4)
+    return ControlMesh.from_faces(mesh.vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+
+
+def solid_row(name: str, mesh: ControlMesh, scheme: Scheme) -> str:
     """One line of the table."""
+    start = time.process_time()
+    faces = limit_faces(mesh, scheme)
+    return row((name, scheme), mesh, faces, time.process_time() - start)
+
+
+def row(names: tuple[str, str], mesh: ControlMesh, faces: LimitFaces, seconds: float) -> str:
+    """One line, from faces laid in so many seconds."""
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     tolerance = Tolerance(merge=1e-7 * size, fit=1e-5 * size)
     clock = [time.process_time()]
-    faces = limit_faces(mesh, Scheme.CATMULL_CLARK)
-    clock.append(time.process_time())
     shape = mosaic_shape(faces.mosaic, tolerance)
     clock.append(time.process_time())
     report = check(shape, tolerance, expect=ShapeKind.SOLID)
     clock.append(time.process_time())
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "solid.step"
-        write_step(shape, path, header=FileHeader(name=name))
+        back = write_step(shape, path, header=FileHeader(name=names[0]))
         kilobytes = path.stat().st_size / 1e3
     clock.append(time.process_time())
-    quads = mesh.faces_of(4)
-    edge = np.linalg.norm(mesh.vertices[quads] - mesh.vertices[np.roll(quads, -1, axis=1)], axis=2).mean()
-    irregular = (np.bincount(quads.ravel(), minlength=mesh.n_vertices) != 4)[quads].any(axis=1).mean()
+    corners = mesh.face_corners.reshape(mesh.n_faces, -1)
+    wanted = 4 if corners.shape[1] == 4 else 6
+    irregular = (np.bincount(corners.ravel(), minlength=mesh.n_vertices) != wanted)[corners].any(axis=1).mean()
     n = len(faces.mosaic.patches)
     angle = np.degrees(report.max_smooth_edge_angle or 0.0)
-    spent = "  ".join(f"{s:4.1f}" for s in np.diff(clock))
+    spent = "  ".join(f"{s:4.1f}" for s in (seconds, *np.diff(clock)))
     return (
-        f"{name:18} {len(quads):6d} {irregular:9.1%} {n:7d} {n / len(quads):7.3f} {kilobytes / n:10.1f} {angle:10.1e}"
-        f" {faces.off / edge:9.1e}  {spent}  {clock[-1] - clock[0]:6.1f}  {report.verdict}"
+        f"{names[0]:13} {names[1]:14} {mesh.n_faces:13d} {irregular:10.1%} {n:6d} {n / mesh.n_faces:6.3f} "
+        f"{kilobytes / n:9.1f} {angle:10.1e} {faces.off / mean_edge(mesh):9.1e}  {spent}  "
+        f"{seconds + clock[-1] - clock[0]:6.1f}  {report.verdict}, {'same' if back.same else 'other'} read back"
     )
+
+
+def scan_rows(path: str) -> None:
+    """Print what remeshes of a scan become, and the first of them without grouping."""
+    scan = read_mesh(path).mesh
+    for count in SCAN_QUADS:
+        mesh = remeshed_quads(scan, count)
+        print(solid_row(Path(path).stem, mesh, Scheme.CATMULL_CLARK), flush=True)
+        if count == SCAN_QUADS[0]:
+            start = time.process_time()
+            single = catmull_clark_faces(mesh, grouped=False)
+            names = "  ungrouped", Scheme.CATMULL_CLARK
+            print(row(names, mesh, single, time.process_time() - start), flush=True)
 
 
 def main() -> None:
     """Print the table."""
     print(HEADER)
-    catmull_clark_faces(torus(100))  # compile, and make the tables
+    catmull_clark_faces(torus(100))  # compile
     if len(sys.argv) == 1:
         for size in SIZES:
-            print(row("torus", torus(size)), flush=True)
+            print(solid_row("torus", torus(size), Scheme.CATMULL_CLARK), flush=True)
+        print(solid_row("torus", torus(SIZES[-1]), Scheme.DOO_SABIN), flush=True)
+        print(solid_row("torus halved", halved(torus(SIZES[-1] // 2)), Scheme.LOOP), flush=True)
     for path in sys.argv[1:]:
-        scan = read_mesh(path).mesh
-        for count in SCAN_QUADS:
-            mesh = remeshed_quads(scan, count)
-            print(row(Path(path).stem, mesh), flush=True)
-            print(
-                f"{'':18} ungrouped: {len(catmull_clark_faces(mesh, grouped=False).mosaic.patches)} faces", flush=True
-            )
+        scan_rows(path)
 
 
 if __name__ == "__main__":

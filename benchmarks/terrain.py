@@ -29,6 +29,7 @@ from recon.readers.height_grids import read_height_grid
 from recon.terrain.contouring import contour_grid, contour_levels
 from recon.terrain.evaluation import contour_distances, distances_between, elevations
 from recon.terrain.pipeline import terrain_surface
+from tables import Table, machine
 
 Floats = NDArray[np.float64]
 Heights = Callable[[Floats], Floats]
@@ -117,12 +118,12 @@ def compared(name: str, grid: HeightGrid, interval: float) -> None:
     seconds = time.process_time() - begin
     error = contour_distances(ground, contours)
     print(
-        f"\n{name} at {interval:g} m: {contours.n_points} points, {n_triangles} triangles; {ground.n_patches} patches"
+        f"\n{name} at {interval:g} m: {contours.n_points:,} points, {n_triangles:,} triangles; "
+        f"{ground.n_patches:,} patches in {seconds:.1f} s; "
+        f"curves {error.mean():.2f} m off the given points on average, {error.max():.2f} at most\n"
     )
-    print(
-        f"  in {seconds:.1f} s; curves {error.mean():.2f} m off the given points on average, {error.max():.2f} at most"
-    )
-    print("                       rms m   to TIN   contours halfway: mean, median, 90 %")
+    halfway = dict.fromkeys(("halfway mean", "halfway median", "halfway 90 %"), "7.2f")
+    table = Table({"method": "22", "rms, m": "6.2f", "of the TIN's": "5.3f"} | halfway)
     methods: dict[str, Heights] = {
         "TIN": flat,
         "Clough-Tocher": CloughTocher2DInterpolator(*_points(contours)),
@@ -137,30 +138,33 @@ def compared(name: str, grid: HeightGrid, interval: float) -> None:
         base = base or rms
         everywhere = method(grid.places()[0]).reshape(grid.heights.shape)
         found = distances_between(contour_levels(HeightGrid(grid.x, grid.y, everywhere), middles), truth)
-        halfway = [] if found is None else [found.mean(), np.median(found), np.quantile(found, 0.9)]
-        figures = " ".join(f"{figure:7.2f}" for figure in halfway)
-        print(f"  {label:<22}{rms:6.2f}   {rms / base:5.3f}   {figures}", flush=True)
+        away = [] if found is None else [found.mean(), np.median(found), np.quantile(found, 0.9)]
+        table.row(label, rms, rms / base, *away)
 
 
 def growth() -> None:
-    print("\ncontour points   patches   seconds   s per 100,000   MiB at most so far")
+    table = Table(
+        {"points": "9,", "patches": "9,", "seconds": "8.1f", "seconds per 100,000": "8.1f", "MiB so far": "8,.0f"}
+    )
     for n in (100, 200, 400, 800, 1600, 3000):
         contours = contour_grid(fractal_mountain(n, 10.0, 3, 2.6), 0.1 * n * 10.0 / (0.6 * n / 10))
         begin = time.process_time()
         ground = terrain_surface(contours)
         seconds = time.process_time() - begin
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        rate = seconds / contours.n_points * 1e5
-        print(
-            f"{contours.n_points:>14,} {ground.n_patches:>9,} {seconds:>9.1f} {rate:>15.1f} {peak:>20.0f}", flush=True
-        )
+        table.row(contours.n_points, ground.n_patches, seconds, seconds / contours.n_points * 1e5, peak)
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--growth", action="store_true")
+    print(f"{machine()}; processor time\n")
     if parser.parse_args().growth:
         growth()
     else:
         for mountain in mountains():
             compared(*mountain)
+
+
+if __name__ == "__main__":
+    main()

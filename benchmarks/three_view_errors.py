@@ -1,10 +1,12 @@
 """Three views with errors in them: jitter, one wrong line, and drawings damaged beyond sense.
 
-python benchmarks/three_view_errors.py [parts a kind] [damaged drawings]
+python benchmarks/three_view_errors.py [row] [first] [last]      row: one of the kinds of parts, sheets, or damaged
 
-jitter     every coordinate is off by up to 0.01 mm: how many drawings still mean the part they were made from
+jitter     every coordinate is off by up to 0.01 mm: how many drawings still mean the part they were made from; of five
+           parts for each one with wrong lines
 one line   deleted, shifted, moved at one end, or in the wrong line type: how often the culprit is among the first three
            repairs, of the drawings that such a change leaves without a solid
+sheets     jitter again, with all three views on one sheet that is parted first
 damaged    random lines, and drawings with many errors: no exception but a refusal, and no solid that is none
 """
 
@@ -12,6 +14,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -20,28 +23,45 @@ from drawn_parts import KINDS, changed, part, solid_volume
 from recon.errors import ReconError
 from recon.geometry.polyhedron import Polyhedron
 from recon.geometry.views import DrawnView, ThreeViews
+from recon.readers.view_sheet import Strokes, separate_views
 from recon.three_view.hidden_lines import draw
 from recon.three_view.pipeline import ViewsOptions, all_polyhedra, diagnose, interpret
 from recon.three_view.repairs import Change, Repair
 
 JITTER = 0.01  # mm
+GAP = 25.0  # between views on a sheet
+PARTS = 40  # of a kind
+DAMAGED = 2000
 FEW = ViewsOptions(limit=300, seconds=0)
 
 Rng = np.random.Generator
 
 
-def still_solved(kind: str, seed: int) -> bool:
+def still_solved(kind: str, seed: int, spread: Callable[[ThreeViews, Rng], ThreeViews]) -> bool:
     """Whether the jittered drawing of a part means a solid of its volume that draws as given."""
     solid = part(kind, seed)
-    rng = np.random.default_rng(seed)
-    shaken = changed(draw(solid), lambda s: s + rng.uniform(-JITTER, JITTER, s.shape))
     try:
-        found = interpret(shaken, FEW)
+        found = interpret(spread(draw(solid), np.random.default_rng(seed)), FEW)
     except ReconError:
         return False
     volume = solid_volume(solid)
     alike = (made for made in found.polyhedra() if abs(solid_volume(made) - volume) < 1e-2 * volume)
     return any(not found.differences(made) for made in alike)
+
+
+def shaken(drawing: ThreeViews, rng: Rng) -> ThreeViews:
+    return changed(drawing, lambda s: s + rng.uniform(-JITTER, JITTER, s.shape))
+
+
+def shaken_on_a_sheet(drawing: ThreeViews, rng: Rng) -> ThreeViews:
+    """Third angle; what is read from the sheet again. Raises UnreadableFile when the views cannot be told apart."""
+    front, top, side = (
+        view.segments - view.segments.reshape(-1, 2).min(axis=0) for view in (drawing.front, drawing.top, drawing.side)
+    )
+    right, up = front.reshape(-1, 2).max(axis=0) + GAP
+    lines = np.concatenate([front, top + np.array([0.0, up]), side + np.array([right, 0.0])])
+    hidden = np.concatenate([view.hidden for _, view in drawing])
+    return separate_views(Strokes(lines + rng.uniform(-JITTER, JITTER, lines.shape), hidden), "sheet").drawing
 
 
 def deleted(segments: np.ndarray, hidden: np.ndarray, i: int, rng: Rng) -> tuple[np.ndarray, np.ndarray]:
@@ -158,25 +178,44 @@ def outcome_of_damage(seed: int) -> str:
     return "a solid" if is_solid(made) else "WRONG SOLID"
 
 
+def row_of_kind(kind: str, seeds: range) -> str:
+    many = range(5 * seeds.start, 5 * seeds.stop)
+    row = [(sum(still_solved(kind, seed, shaken) for seed in many), len(many))]
+    for error in ERRORS:
+        told = [
+            any(map(culprit, diagnose(wrong).repairs))
+            for seed in seeds
+            for wrong, culprit in wrong_drawings(kind, seed, error)
+        ]
+        row.append((sum(told), len(told)))
+    cells = [f"{good} of {tried}" for good, tried in row]
+    return f"{kind:10}{cells[0]:>14}" + "".join(f"{cell:>20}" for cell in cells[1:])
+
+
+def row_of_sheets(seeds: range) -> str:
+    good = [still_solved(kind, seed, shaken_on_a_sheet) for kind in KINDS for seed in seeds]
+    return f"sheets    {f'{sum(good)} of {len(good)}':>14}"
+
+
+def row_of_damage(seeds: range) -> str:
+    outcomes = Counter(map(outcome_of_damage, seeds))
+    return f"{len(seeds)} damaged drawings: " + ", ".join(f"{n} {what}" for what, n in sorted(outcomes.items()))
+
+
+ROWS: dict[str, tuple[Callable[[range], str], int]] = {
+    **{kind: (partial(row_of_kind, kind), PARTS) for kind in KINDS},
+    "sheets": (row_of_sheets, PARTS),
+    "damaged": (row_of_damage, DAMAGED),
+}
+
+
 def main() -> None:
     words = sys.argv[1:]
-    parts = int(words[0]) if words else 20
-    drawings = int(words[1]) if len(words) > 1 else 2000
     start = time.process_time()
     print(f"{'':10}{'jitter 0.01':>14}" + "".join(f"{name:>20}" for name in ERRORS))
-    for kind in KINDS:
-        row = [(sum(still_solved(kind, seed) for seed in range(parts)), parts)]
-        for error in ERRORS:
-            told = [
-                any(map(culprit, diagnose(wrong).repairs))
-                for seed in range(parts)
-                for wrong, culprit in wrong_drawings(kind, seed, error)
-            ]
-            row.append((sum(told), len(told)))
-        cells = [f"{good} of {tried}" for good, tried in row]
-        print(f"{kind:10}{cells[0]:>14}" + "".join(f"{cell:>20}" for cell in cells[1:]), flush=True)
-    outcomes = Counter(map(outcome_of_damage, range(drawings)))
-    print(f"{drawings} damaged drawings: " + ", ".join(f"{n} {what}" for what, n in sorted(outcomes.items())))
+    for name in words[:1] or ROWS:
+        row, n = ROWS[name]
+        print(row(range(*map(int, words[1:3])) if len(words) > 2 else range(n)), flush=True)
     print(f"{time.process_time() - start:.0f} s")
 
 

@@ -22,6 +22,7 @@ from recon.readers.volumes import read_volume
 from recon.voxel_mesh.marching_cubes import GridSurface, marching_cubes
 from recon.voxel_mesh.simplify import Goal, simplified
 from recon.voxel_mesh.topology import mesh_topology
+from tables import Table, machine
 
 GRIDS = Path(__file__).parents[2] / "shared" / "data" / "voxels"
 SHARES = {"curved": (0.9, 0.95), "bracket_turned": (0.95,), "bottle": (0.95, 0.98), "bracket": (0.98, 0.99)}
@@ -101,14 +102,15 @@ def metro(one: Mesh, other: Mesh) -> float:
     return float(max(away[0].max(), away[1].max()))
 
 
-def row(surface: GridSurface, grid: VoxelGrid, n: int, method: Method) -> str:
+def row(surface: GridSurface, grid: VoxelGrid, n: int, method: Method) -> tuple[object, ...]:
+    """Faces, error, cuts, whether the topology is the same, seconds; or what went wrong."""
     start = time.process_time()
     try:
         vertices, faces = method(surface, grid, n)
     except ImportError:
-        return "not installed"
+        return ("not installed",)
     except Exception as failure:  # noqa: BLE001 - a peer that breaks must not end the table
-        return f"failed: {failure}"
+        return (f"failed: {failure}",)
     spent = time.process_time() - start
     error = metro((vertices, faces), (surface.vertices, surface.face_vertices))
     cuts = len(crossing_triangles(vertices, faces)[0])
@@ -116,7 +118,7 @@ def row(surface: GridSurface, grid: VoxelGrid, n: int, method: Method) -> str:
         same = mesh_topology(vertices, faces) == mesh_topology(surface.vertices, surface.face_vertices)
     except ReconError:
         same = False
-    return f"{len(faces):8}{error:9.3f}{cuts:6}{'yes' if same else 'NO':>6}{spent:8.1f}"
+    return len(faces), error, cuts, "yes" if same else "no", spent
 
 
 def main() -> None:
@@ -124,13 +126,17 @@ def main() -> None:
     small = ball_with_slot(24)
     for method in (ours, ours_fast):
         method(marching_cubes(small), small, 200)
-    print(f"{'grid':16}{'share':>6}  {'method':22}{'faces':>8}{'error':>9}{'cuts':>6}{'same':>6}{'s':>8}")
+    print(f"{machine()}; processor time\n")
+    table = Table(
+        {"grid": "16", "share": "6.2f", "method": "22", "faces": "8,", "error": "8.3f", "cuts": "5,"}
+        | {"same topology": "3", "seconds": "8.1f"}
+    )
     for name, grid, shares in cases([a for a in sys.argv[1:] if not a.startswith("-")], step):
         surface = marching_cubes(grid)
         for share in shares:
             for title, method in METHODS.items():
                 n = round((1.0 - share) * len(surface.face_vertices))
-                print(f"{name:16}{share:6.2f}  {title:22}{row(surface, grid, n, method)}", flush=True)
+                table.row(name, share, title, *row(surface, grid, n, method))
 
 
 if __name__ == "__main__":

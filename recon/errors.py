@@ -106,7 +106,8 @@ class CurvedDrawing(Refusal):
 
     def __init__(self, path: str, curves: Sequence[str]) -> None:
         shown = "; ".join(curves[:50]) + (f"; and {len(curves) - 50} more" if len(curves) > 50 else "")
-        super().__init__(f"{path}: holds {len(curves)} curves, and only straight edges can be read: {shown}.")
+        count = f"{len(curves)} curves" if len(curves) > 1 else "a curve"
+        super().__init__(f"{path}: holds {count}, and only straight edges can be read: {shown}.")
         self.path, self.curves = path, tuple(curves)
 
 

@@ -17,6 +17,7 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.readers.control_meshes import read_control_mesh
 from recon.subdivision.limit_faces import natural_scheme
 from recon.subdivision.limit_surface import Scheme
+from recon.subdivision.semi_sharp import refuse_cones
 
 __all__ = ["convert"]
 
@@ -27,6 +28,7 @@ def convert(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, A
         raise BadOption("--output", "the control mesh is there already; name a CAD or mesh file")
     with bench.phase("read", "reading the control mesh"):
         mesh = read_control_mesh(request["inputs"][0])
+        refuse_cones(mesh)
     scheme = Scheme(request["surface"]) if request["surface"] else natural_scheme(mesh)
     made = limit_shape(mesh, scheme, request["angle"], bench)
     report: CheckReport = gate(made.shape, made.tolerance, made.kind, bench)

@@ -11,9 +11,9 @@ from brep_export.check import ShapeKind
 from brep_export.measures import kind_of
 from brep_export.mosaics import mosaic_shape
 from recon.geometry.control_mesh import ControlMesh
-from recon.subdivision.limit_faces import limit_faces
+from recon.subdivision.limit_faces import ACCURACY, limit_faces, mean_edge
 from recon.subdivision.limit_surface import Scheme
-from recon.subdivision.quad_faces import ACCURACY, LimitFaces
+from recon.subdivision.quad_faces import LimitFaces
 from recon.tolerance import Tolerance
 
 __all__ = ["LimitShape", "limit_shape"]
@@ -62,9 +62,3 @@ def limit_shape(
             name="off-limit",
         )
     return LimitShape(shape, kind, tolerance, faces)
-
-
-def mean_edge(mesh: ControlMesh) -> float:
-    """Mean length of the sides of the faces."""
-    sides = mesh.vertices[mesh.face_corners] - mesh.vertices[mesh.face_corners[mesh.next_corners()]]
-    return float(np.linalg.norm(sides, axis=1).mean())

@@ -19,6 +19,7 @@ NOTES = (
     "dropped",
     "not-merged",
     "flat-facets",
+    "axes-not-snapped",
     "not-snapped",
     "left-sharp",
     "wrong-side",

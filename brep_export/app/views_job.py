@@ -99,9 +99,10 @@ def _interpreted(
         lines = [line.described(sheet.drawing) for line in diagnosis.conflict]
         mends = [repair.described(sheet.drawing) for repair in diagnosis.repairs]
         if not (request["repair"] and mends):
+            spans = "".join(f"; {span}" for span in diagnosis.spans)
             conflict = "; these contradict each other: " + "; ".join(lines) if lines else ""
             advice = "; it would have a solid if " + "; or if ".join(mends) if mends else ""
-            raise NoSolid(f"no solid is drawn like this{conflict}{advice}", lines) from refusal
+            raise NoSolid(f"no solid is drawn like this{spans}{conflict}{advice}", lines) from refusal
         bench.note(f"repaired: {mends[0]}", name="repaired")
         mended = replace(sheet, drawing=repaired(sheet.drawing, diagnosis.repairs[0]))
         return mended, interpret(mended.drawing, options, doing=bench.doing)

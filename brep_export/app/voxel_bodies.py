@@ -165,21 +165,32 @@ def _built(part: AnalyticPart) -> Built:
 
 
 def _snapped(part: AnalyticPart, snap: float | None, bench: Bench) -> Built | None:
-    """The part at round values, where it gives the same voxels again, but for centres right on its surface."""
+    """The part at round values, where it gives the same voxels again, but for centres right on its surface; its axes
+    where they are, where round places for them do not.
+    """
     if snap is None:
         return None
-    try:
-        built = _built(part.snapped(snap))
-    except NoSolid as problem:
+    built, problem = _as_snapped(part.snapped(snap))
+    if problem:
+        built, _ = _as_snapped(part.snapped(snap, places=False))
+    if built is None:
         bench.note(f"not snapped: {problem}", name="not-snapped")
-        return None
+    elif problem:
+        bench.note(f"axes were not snapped, sizes were: {problem}", name="axes-not-snapped")
+    return built
+
+
+def _as_snapped(part: AnalyticPart) -> tuple[Built | None, str]:
+    """The built part, or why it may not stand for its grid."""
+    try:
+        built = _built(part)
+    except NoSolid as problem:
+        return None, str(problem)
     wrong, solid = built[3], part.grid.solid
     steps = sum(np.count_nonzero(np.diff(solid, axis=axis)) for axis in range(3))
     if wrong.deepest > SAME or wrong.centres > FEW * steps:
-        changed = f"{wrong.centres} voxels would change sides, one by {wrong.deepest:.2f} voxels"
-        bench.note(f"not snapped: {changed}", name="not-snapped")
-        return None
-    return built
+        return None, f"{wrong.centres} voxels would change sides, one by {wrong.deepest:.2f} voxels"
+    return built, ""
 
 
 def _analytic(grid: VoxelGrid, built: Built, bench: Bench) -> VoxelBody:

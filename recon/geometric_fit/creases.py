@@ -52,7 +52,7 @@ def with_creases(mesh: ControlMesh, scan: SharpScan, angle: float) -> ControlMes
     bent = turn > (angle if len(scan.edges) == 0 else WEAK * angle)
     edges, outward = table.edges[edge[bent]], (normals[one] + normals[two])[bent]
     if len(scan.edges):
-        creases = edges[_along(mesh.vertices[edges], scan)]
+        creases = _once_along_slivers(mesh, edges[_along(mesh.vertices[edges], scan)])
     else:
         found = _angle_in_scan(mesh, scan.mesh, edges, outward) > CONFIRMED * angle
         creases = _chains(edges[found], mesh.vertices, len(table.edges))
@@ -66,6 +66,17 @@ def _along(ends: Floats, scan: SharpScan) -> Bools:
     places = np.stack([ends[:, 0], ends.mean(axis=1), ends[:, 1]], axis=1)
     off = np.linalg.norm(tree.closest(places.reshape(-1, 3)).points.reshape(places.shape) - places, axis=2)
     return np.asarray(off.max(axis=1) < ALONG * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+
+
+def _once_along_slivers(mesh: ControlMesh, edges: Ints) -> Ints:
+    """The edges without the longest side of every face that has all three: a sliver that lies along a sharp edge."""
+    faces, n = mesh.faces_of(3), mesh.n_vertices
+    sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
+    keys, own = sides[..., 0] * n + sides[..., 1], np.sort(edges, axis=1)
+    slivers = np.isin(keys, own[:, 0] * n + own[:, 1]).all(axis=1)
+    lengths = np.linalg.norm(mesh.vertices[sides[slivers, :, 0]] - mesh.vertices[sides[slivers, :, 1]], axis=2)
+    longest = keys[slivers, lengths.argmax(axis=1)]
+    return edges[~np.isin(own[:, 0] * n + own[:, 1], longest)]
 
 
 def n_loose_ends(mesh: ControlMesh) -> int:

@@ -54,15 +54,17 @@ class Guards:
         self._samples = sample_places(patches)
         patch, v, w, triangles = tessellation_places(patches.sheets, 1)
         to_corners = basis_rows(patches, _feet_at(patch, v, w)).matrix(self._n_control)
-        joined = np.zeros(len(patch), dtype=np.bool_)
+        apart = triangles
         if len(mesh.crease_edges):
-            to_corners, triangles, joined = _welded(to_corners, triangles)
+            to_corners, triangles = _welded(to_corners, triangles)
         self._to_corners = to_corners
         table = edge_table(triangles)
         self._triangles = triangles.astype(np.int32)
         edge, self._one, self._two = (x.astype(np.int32) for x in table.face_pairs())
         self._ends = table.edges.astype(np.int32)[edge]
-        self._limit = np.where(joined[self._ends].all(axis=1), CREASE_FOLD, FOLD)
+        self._limit = np.full(len(edge), FOLD)
+        if len(mesh.crease_edges):
+            self._limit[_n_common(apart[self._one], apart[self._two]) < 2] = CREASE_FOLD
 
     @cached_property
     def _around(self) -> sparse.csr_array:
@@ -107,14 +109,19 @@ class Guards:
         return control_points | (self._around @ control_points.astype(np.float64) > 0.0)
 
 
-def _welded(rows: sparse.csr_array, triangles: Ints) -> tuple[sparse.csr_array, Ints, Bools]:
-    """The places that `rows` stand for with those on both sides of a crease made one; triangles; which were made one.
+def _welded(rows: sparse.csr_array, triangles: Ints) -> tuple[sparse.csr_array, Ints]:
+    """The places that `rows` stand for with those on both sides of a crease made one, and the triangles over them.
 
     The two sides of a crease are known by their weights, which are alike.
     """
     mark = rows @ np.random.default_rng(0).random(rows.shape[1])
-    _, first, place, count = np.unique(np.round(mark, 10), return_index=True, return_inverse=True, return_counts=True)
-    return sparse.csr_array(rows[first]), place.ravel()[triangles], count > 1
+    _, first, place = np.unique(np.round(mark, 10), return_index=True, return_inverse=True)
+    return sparse.csr_array(rows[first]), place.ravel()[triangles]
+
+
+def _n_common(one: Ints, two: Ints) -> Ints:
+    """(n,) how many corners the triangles (n, 3) have in common."""
+    return np.asarray((one[:, :, None] == two[:, None, :]).sum(axis=(1, 2)))
 
 
 def _feet_at(patch: Ints, v: Floats, w: Floats) -> Feet:
@@ -129,7 +136,8 @@ def fairness(mesh: ControlMesh, stiffness: Floats) -> sparse.csr_array:
 
 
 def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
-    """(V, V) mean of the neighbours of each control point, on creases and borders of those along them.
+    """(V, V) mean of the neighbours of each control point, on creases and borders of those along them, but at the end
+    of a crease inside the surface of all.
 
     Corners of a border stay, unless there are creases, too: at those the means make a way out of folds.
     """
@@ -138,8 +146,7 @@ def neighbour_means(mesh: ControlMesh) -> sparse.csr_array:
     creases = np.sort(mesh.crease_edges, axis=1)
     edges = table.edges
     sharp = (table.uses == 1) | np.isin(edges[:, 0] * n + edges[:, 1], creases[:, 0] * n + creases[:, 1])
-    on_sharp = np.zeros(n, dtype=bool)
-    on_sharp[edges[sharp]] = True
+    on_sharp = np.bincount(edges[sharp].ravel(), minlength=n) > 1
     start, end = np.concatenate([edges, edges[:, ::-1]]).T
     is_corner = np.zeros(n, dtype=bool)
     corners = mesh.corner_vertices if len(creases) == 0 else mesh.corner_vertices[:0]

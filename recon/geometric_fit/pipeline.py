@@ -32,7 +32,7 @@ from recon.geometric_fit.options import FitOptions, FittedSurface
 from recon.geometric_fit.quad_mesh import initial_quads
 from recon.geometric_fit.quad_splits import refine_quads
 from recon.geometric_fit.quad_turns import turned_to_even_valences
-from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
+from recon.geometric_fit.refinement import flip_to_delaunay, flip_to_even_valences, split_faces
 from recon.geometric_fit.relaxation import relaxed
 from recon.geometric_fit.sampling import Sample, joined_by, sample_of
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
@@ -170,10 +170,12 @@ class _Fit:
             errors = norms(found.distances, self._scan.diagonal, self._scan.counts)
             stopped = self._growth.ended(errors, last, diagonal=self._scan.diagonal, final=final)
             if stopped is None:
-                last, cycle, before = errors, cycle + 1, ground.mesh.n_vertices
-                ground = self._refined(ground.mesh, found, cycle)
-                grows = ground.mesh.n_vertices > before or cycle < CYCLES
+                last, cycle, mesh = errors, cycle + 1, ground.mesh
+                del ground  # a ground is as large as a scan of a hundred points a control point
+                ground = self._refined(mesh, found, cycle)
+                grows = ground.mesh.n_vertices > mesh.n_vertices or cycle < CYCLES
                 sample, weights = self._with_far(first, (sample, weights), found)
+                del found
                 start = None
         if self._options.start is not None:
             self._doing("looking for surface that cuts itself")
@@ -269,13 +271,18 @@ class _Fit:
         if self._options.scheme is not Scheme.LOOP:
             return self._ground(turned_to_even_valences(refine_quads(mesh, worst, n_new)))
         split = split_faces(mesh, worst, n_new)
-        flipped = self._ground(flip_to_even_valences(split))
-        n_folded = int(flipped.guards.folded(flipped.mesh.vertices).sum())
+        flipped = self._ground(_flipped(split))
+        n_folded = flipped.n_folded()
         if n_folded == 0:
             return flipped
         # flips even the valences out, but may fold a surface that was smooth before
+        mesh = flipped.mesh
+        del flipped
         plain = self._ground(split)
-        return flipped if n_folded <= plain.guards.folded(split.vertices).sum() else plain
+        if n_folded > plain.n_folded():
+            return plain
+        del plain
+        return self._ground(mesh)
 
     def _worst_faces(self, mesh: ControlMesh, found: Seen, n_new: int) -> Ints:
         n = self._scan.n_measured
@@ -288,8 +295,8 @@ class _Fit:
         return order[np.sort(first)]
 
     def _finished(self, ground: Ground, found: Seen, stopped: StoppedBy) -> FittedSurface:
-        (mesh, patches, guards, borders), scan = ground, self._scan
-        folds = int(guards.folded(mesh.vertices).sum())
+        (mesh, patches, _, borders), scan = ground, self._scan
+        folds = ground.n_folded()
         placed = patches.points @ mesh.vertices
         warm = found.places.chosen(np.arange(scan.n_measured))
         distances = exact_distances(patches, borders, placed, scan.measured, warm)
@@ -305,6 +312,11 @@ class _Fit:
             folds=folds,
             n_closed=self._n_closed,
         )
+
+
+def _flipped(mesh: ControlMesh) -> ControlMesh:
+    """Even valences; between sharp edges no slivers, which fold sooner than uneven valences do harm."""
+    return flip_to_delaunay(mesh) if len(mesh.crease_edges) else flip_to_even_valences(mesh)
 
 
 def _is_ragged(mesh: ControlMesh) -> bool:

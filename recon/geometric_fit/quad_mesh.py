@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from recon.geometric_fit.initial_mesh import NoControlMesh
 from recon.geometric_fit.quad_splits import inset, with_quads_only
-from recon.geometric_fit.quad_turns import turned_to_even_valences
+from recon.geometric_fit.quad_turns import faces_wanted, turned_to_even_valences
 from recon.geometric_fit.refinement import split_sides
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
@@ -91,11 +91,12 @@ def with_room_at_creases(mesh: ControlMesh) -> ControlMesh:
 
 
 def with_smooth_creases(mesh: ControlMesh) -> ControlMesh:
-    """The mesh with a quadrilateral put into each that is alone at a smooth crease: no tangent plane would be there."""
-    sheets, _ = cut_along_creases(mesh, 4)
-    alone = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds)) == 1
-    alone &= sheets.kinds == VertexKind.BORDER
-    return inset(mesh, np.flatnonzero(alone[sheets.faces].any(axis=1)))
+    """The mesh with a quadrilateral put into one at every vertex that has too few: no tangent plane would be there."""
+    sheets, behind = cut_along_creases(mesh, 4)
+    count = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds))
+    _, least = faces_wanted(sheets, mesh.vertices[behind])
+    vertices, first = np.unique(sheets.faces, return_index=True)
+    return inset(mesh, np.unique(first[count[vertices] < least[vertices]] // 4))
 
 
 def paired(mesh: ControlMesh) -> tuple[Ints, Ints]:

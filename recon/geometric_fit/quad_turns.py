@@ -20,7 +20,7 @@ from recon.geometric_fit.side_walks import cosine, join, next_side, share_a_face
 from recon.geometry.control_mesh import ControlMesh
 from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 
-__all__ = ["turned_to_even_valences"]
+__all__ = ["faces_wanted", "turned_to_even_valences"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -29,13 +29,14 @@ Bools = NDArray[np.bool_]
 PASSES = 8
 MOST_TURN = np.cos(np.radians(40.0))  # between the two old faces and the new ones: a crease of the shape stays
 SHARPEST_CORNER = np.cos(np.radians(25.0))  # of a face that a turn may make, unless an old one was worse
+WIDEST = np.radians(150.0)  # corner of a quadrilateral: beyond, the surface hardly has a tangent plane there
 TOO_FEW = 50  # what a face too few costs, in the units of R
 
 
 def turned_to_even_valences(mesh: ControlMesh) -> ControlMesh:
     """Turn edges while that evens the valences out and neither bends the mesh nor makes slivers."""
     sheets, behind = cut_along_creases(mesh, 4)
-    wanted, least = _wanted(sheets, mesh.vertices[behind])
+    wanted, least = faces_wanted(sheets, mesh.vertices[behind])
     faces, across = sheets.faces.ravel().copy(), sheets.across.ravel().copy()
     inside = sheets.kinds == VertexKind.SMOOTH
     _turn_all(faces, across, mesh.vertices[behind], wanted, least, inside)
@@ -47,8 +48,8 @@ def turned_to_even_valences(mesh: ControlMesh) -> ControlMesh:
     )
 
 
-def _wanted(sheets: Sheets, x: Floats) -> tuple[Ints, Ints]:
-    """(W,) the best number of faces around each vertex of the sheets, and (W,) the least that will do."""
+def faces_wanted(sheets: Sheets, x: Floats) -> tuple[Ints, Ints]:
+    """(W,) the best number of faces around each vertex of the sheets, at x (W, 3), and (W,) the least that will do."""
     faces, kinds = sheets.faces, sheets.kinds
     corners = x[faces]
     out, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
@@ -57,7 +58,8 @@ def _wanted(sheets: Sheets, x: Floats) -> tuple[Ints, Ints]:
     angle = np.bincount(faces.ravel(), np.arccos(np.clip(cosine, -1.0, 1.0)).ravel(), len(kinds))
     square = np.maximum(np.round(angle / (np.pi / 2.0)), 1).astype(np.int64)
     wanted = np.select([kinds == VertexKind.BORDER, kinds == VertexKind.CORNER], [2, square], 4)
-    least = np.select([kinds == VertexKind.BORDER, kinds == VertexKind.CORNER], [2, 1], 3)
+    enough = np.maximum(np.ceil(angle / WIDEST), 1).astype(np.int64)
+    least = np.select([kinds == VertexKind.BORDER, kinds == VertexKind.CORNER], [2, enough], 3)
     return wanted, least
 
 

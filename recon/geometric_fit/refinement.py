@@ -8,7 +8,8 @@
         \\   /             \\ | /                                      \\   /          \\ | /
           d                 d                                          d              d
 
-d_opt is 6 inside and 4 on the border. Neighbours stay whole, so the mesh conforms after every step. Creases are never
+d_opt is 6 inside and 4 on the border. Between sharp edges, where even valences make slivers, edges flip toward the
+Delaunay triangulation instead. Neighbours stay whole, so the mesh conforms after every step. Creases are never
 flipped, and stay creases when split.
 
 sharp   (F, 3) whether a side is a crease;     fixed   sides that no flip may touch: creases and borders
@@ -26,7 +27,7 @@ from recon.geometric_fit.side_walks import cosine, join, next_side, previous_sid
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
 
-__all__ = ["flip_to_even_valences", "split_faces", "split_sides"]
+__all__ = ["flip_to_delaunay", "flip_to_even_valences", "split_faces", "split_sides"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -64,6 +65,13 @@ def flip_to_even_valences(mesh: ControlMesh, *, passes: int = 6) -> ControlMesh:
     """Flip edges while that evens the valences out and neither bends the mesh nor makes slivers."""
     sides = _sides(mesh)
     _flip_all(sides.faces, sides.across, sides.sharp, mesh.vertices, passes, MOST_TURN, WORST_CORNER)
+    return _mesh(mesh.vertices, sides, mesh.corner_vertices)
+
+
+def flip_to_delaunay(mesh: ControlMesh, *, passes: int = 12) -> ControlMesh:
+    """Flip edges that see angles of more than two right angles together, where that does not bend the mesh."""
+    sides = _sides(mesh)
+    _flip_to_delaunay(sides.faces, sides.across, sides.sharp, mesh.vertices, passes, MOST_TURN)
     return _mesh(mesh.vertices, sides, mesh.corner_vertices)
 
 
@@ -171,6 +179,40 @@ def _flip_all(faces: Ints, across: Ints, sharp: Bools, x: Floats, passes: int, m
             surplus[b] -= 1
             surplus[c] += 1
             surplus[d] += 1
+            flipped = True
+        if not flipped:
+            return
+
+
+@njit(cache=True)
+def _cotangent(p: Floats, q: Floats, r: Floats) -> float:
+    """Of the angle at r."""
+    x, y, z = _area_vector(r, p, q)
+    dot = 0.0
+    for axis in range(3):
+        dot += (p[axis] - r[axis]) * (q[axis] - r[axis])
+    return dot / max(np.sqrt(x * x + y * y + z * z), 1e-300)
+
+
+@njit(cache=True)
+def _flip_to_delaunay(faces: Ints, across: Ints, sharp: Bools, x: Floats, passes: int, most_turn: float) -> None:
+    """Flip in place, pass after pass, until no edge is left that gains."""
+    for _ in range(passes):
+        flipped = False
+        for side in range(len(faces)):
+            other = across[side]
+            if other < side or sharp[side]:
+                continue
+            a, b = faces[side], faces[next_side(side, 3)]
+            c, d = faces[previous_side(side, 3)], faces[previous_side(other, 3)]
+            # the angles at both tips make more than two right angles where their cotangents have a negative sum
+            if c == d or _cotangent(x[a], x[b], x[c]) + _cotangent(x[a], x[b], x[d]) > -1e-9:
+                continue
+            if share_a_face(faces, across, previous_side(side, 3), d, 3):
+                continue
+            if not _keeps_shape(x, (a, b, c, d), most_turn, 0.0):
+                continue
+            _flip(faces, across, sharp, side)
             flipped = True
         if not flipped:
             return

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -29,6 +30,7 @@ __all__ = ["ScanData", "fold_places", "refuse_tangles", "scan_data"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+SmallInts = NDArray[np.int32]
 
 SAMPLE_WEIGHT = 0.05
 MOST_PIECES = 64  # into which the side of a triangle is cut
@@ -40,6 +42,7 @@ class ScanData:
     """Points to fit, and the scan they come from.
 
     mesh        the scan, with its cut-off edges put back where it has some
+    as_measured the scan without these
     points      (N, 3) the scan's vertices that faces use, then vertices that fill its holes, then samples on large
                 triangles
     weights     (N,) how much each counts
@@ -51,6 +54,7 @@ class ScanData:
     """
 
     mesh: TriangleMesh
+    as_measured: TriangleMesh
     points: Floats
     weights: Floats
     normals: NDArray[np.float32]
@@ -74,18 +78,20 @@ class ScanData:
         """Search tree over the points."""
         return cKDTree(self.points, leafsize=32, balanced_tree=False, compact_nodes=False)
 
+    @cached_property
+    def _vertex_numbers(self) -> SmallInts:
+        """The vertex of the mesh that each point is, as far as the points are vertices."""
+        return np.flatnonzero(_is_used(self.mesh)).astype(np.int32)
+
     def _faces_at(self, points: Ints) -> tuple[Ints, Ints]:
         """Where the triangles around each of some points (n,), each named once, begin, (n + 1,), and all of these."""
-        n, first_sample = len(points), len(self.points) - len(self.sampled_faces)
-        of_mesh, samples = np.flatnonzero(points < first_sample), np.flatnonzero(points >= first_sample)
-        number = np.full(self.mesh.n_vertices, -1, dtype=np.int32)
-        number[np.flatnonzero(_is_used(self.mesh))[points[of_mesh]]] = of_mesh
-        corner = number[self.mesh.face_vertices]
-        face, side = np.nonzero(corner >= 0)
-        owner = np.concatenate([corner[face, side], samples])
-        faces = np.concatenate([face, self.sampled_faces[points[samples] - first_sample]])
-        starts = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=n))])
-        return starts, faces[np.argsort(owner, kind="stable")]
+        n_vertices = len(self._vertex_numbers)
+        place = np.full(self.mesh.n_vertices, -1, dtype=np.int32)
+        is_vertex = points < n_vertices
+        place[self._vertex_numbers[points[is_vertex]]] = np.flatnonzero(is_vertex)
+        of_samples = np.full(len(points), -1)
+        of_samples[~is_vertex] = self.sampled_faces[points[~is_vertex] - n_vertices]
+        return _faces_around(self.mesh.face_vertices, place, of_samples)
 
     def nearest_on_triangles_at(self, places: Floats, at: Ints) -> tuple[Floats, Ints]:
         """(n, 3) the nearest point of the triangles around scan point at[i] to place i, and (n,) its triangle."""
@@ -129,8 +135,8 @@ class ScanData:
 
     @cached_property
     def folds(self) -> Floats:
-        """(m, 3) middles of the edges at which the scan itself folds."""
-        return fold_places(self.mesh.vertices, self.mesh.face_vertices)
+        """(m, 3) middles of the edges at which the scan itself folds, beside those that were put back."""
+        return fold_places(self.as_measured.vertices, self.as_measured.face_vertices)
 
 
 def scan_data(mesh: TriangleMesh, n_control: int, *, sharp: SharpScan | None = None, n_measured: int = -1) -> ScanData:
@@ -140,22 +146,23 @@ def scan_data(mesh: TriangleMesh, n_control: int, *, sharp: SharpScan | None = N
     sharp       the same with its edges put back; None: it has none
     n_measured  vertices from here on fill holes, and weigh as little as samples, as do those put back; -1: none do
     """
-    measured_at, mesh, sharp_edges = mesh.vertices, *(sharp or SharpScan(mesh, np.empty((0, 2), dtype=np.int64)))
+    as_measured = mesh
+    mesh, sharp_edges = sharp or SharpScan(mesh, np.empty((0, 2), dtype=np.int64))
     used = np.flatnonzero(_is_used(mesh))
     normals = vertex_normals(mesh.vertices, mesh.face_vertices).astype(np.float32)[used]
     vertices = _chosen(mesh.vertices, used)
     samples, face = _samples_on_large(mesh, n_control)
-    measured = used < (len(measured_at) if n_measured < 0 else n_measured)
+    measured = used < (as_measured.n_vertices if n_measured < 0 else n_measured)
     weights = np.where(measured, 1.0, SAMPLE_WEIGHT)
     if len(samples):
         a, b, c = mesh.vertices[mesh.face_vertices[face]].transpose(1, 0, 2)
         vertices = np.concatenate([vertices, samples])
         normals = np.concatenate([normals, unit_vectors(np.cross(b - a, c - a)).astype(np.float32)])
         weights = np.concatenate([weights, np.full(len(samples), SAMPLE_WEIGHT)])
-    measured_at = _chosen(measured_at, used[measured])
+    measured_at = _chosen(as_measured.vertices, used[measured])
     # as they are in the mesh, edges put back: what a share of the diagonal is does not depend on them
     diagonal = float(np.linalg.norm(np.ptp(vertices[: len(used)][measured], axis=0)))
-    return ScanData(mesh, vertices, weights, normals, face, measured_at, diagonal, sharp_edges)
+    return ScanData(mesh, as_measured, vertices, weights, normals, face, measured_at, diagonal, sharp_edges)
 
 
 def _is_used(mesh: TriangleMesh) -> NDArray[np.bool_]:
@@ -187,6 +194,32 @@ def _samples_on_large(mesh: TriangleMesh, n_control: int) -> tuple[Floats, Ints]
         points.append(np.einsum("mk,fkx->fmx", bary, mesh.vertices[mesh.face_vertices[chosen]]).reshape(-1, 3))
         faces.append(np.repeat(chosen, len(v)))
     return np.concatenate(points), np.concatenate(faces)
+
+
+@njit(cache=True)
+def _faces_around(faces: Ints, place: SmallInts, alone: Ints) -> tuple[Ints, Ints]:  # pragma: no cover - compiled
+    """The faces with a corner at each of n places, as starts (n + 1,) and their numbers.
+
+    place  (V,) which place a vertex is, -1 for none
+    alone  (n,) the one face of a place that is no vertex, -1 for the others
+    """
+    starts = np.zeros(len(alone) + 2, dtype=np.int64)
+    starts[2:] = (alone >= 0).astype(np.int64)
+    for face in range(len(faces)):
+        for corner in range(3):
+            starts[place[faces[face, corner]] + 2] += place[faces[face, corner]] >= 0
+    starts = np.cumsum(starts)
+    found = np.empty(starts[-1], dtype=np.int64)
+    for at in np.flatnonzero(alone >= 0):
+        found[starts[at + 1]] = alone[at]
+        starts[at + 1] += 1
+    for face in range(len(faces)):
+        for corner in range(3):
+            at = place[faces[face, corner]]
+            if at >= 0:
+                found[starts[at + 1]] = face
+                starts[at + 1] += 1
+    return starts[:-1], found
 
 
 def fold_places(vertices: Floats, faces: Ints) -> Floats:

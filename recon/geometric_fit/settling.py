@@ -59,6 +59,10 @@ class Ground(NamedTuple):
     guards: Guards
     borders: Borders
 
+    def n_folded(self) -> int:
+        """How many control points are around folds that the scan does not have."""
+        return int(self.guards.folded(self.mesh.vertices).sum())
+
 
 class Rounds:
     """The rounds of one fit: what they have in common, and the record."""

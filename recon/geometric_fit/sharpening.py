@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from recon.geometric_fit.chains import chain_lengths
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.face_loops import agreeing_corners, all_around, bent_sides, corner_sums
-from recon.numerics.halfedges import edge_table, paired_sides, vertex_normals
+from recon.numerics.halfedges import numbered_edges, paired_sides, vertex_normals
 from recon.numerics.rows import added_at, unit_vectors
 
 __all__ = ["SharpScan", "sharpened"]
@@ -90,15 +90,10 @@ class _Crossings(NamedTuple):
 
 
 class _Edges(NamedTuple):
-    """The edges of the scan in half the memory: ends (E, 2), and face_edges (F, 3) the edge along each side."""
+    """The edges of the scan: ends (E, 2), and face_edges (F, 3) the edge along each side."""
 
     ends: SmallInts
     face_edges: SmallInts
-
-
-def _edges(faces: Ints) -> _Edges:
-    table = edge_table(faces)
-    return _Edges(table.edges.astype(np.int32), table.face_edges.astype(np.int32))
 
 
 def sharpened(scan: TriangleMesh, angle: float) -> SharpScan:
@@ -106,7 +101,7 @@ def sharpened(scan: TriangleMesh, angle: float) -> SharpScan:
 
     angle  radians between both sides from which on an edge is one
     """
-    table = _edges(scan.face_vertices)
+    table = _Edges(*numbered_edges(scan.face_vertices))
     on_edges = _on_edges(scan.vertices, table, _sides(scan, table), angle)
     vertices, faces = on_edges.vertices, scan.face_vertices
     crossings = _crossings(vertices, table, on_edges.sides, angle)
@@ -132,11 +127,20 @@ def _are_lines(edges: Ints, vertices: Floats) -> bool:
 
 def _sides(scan: TriangleMesh, table: _Edges) -> _Sides:
     """Smooth vertices are on one side, and so is what lies beside them, and what continues that."""
+    mean = vertex_normals(scan.vertices, scan.face_vertices)
+    smooth, sides = _by_faces(scan, mean)
+    return _extrapolated(scan, table, sides, (smooth, mean))
+
+
+def _by_faces(scan: TriangleMesh, mean: Floats) -> tuple[Bools, _Sides]:
+    """(V,) the smooth vertices, and the sides as the faces around every vertex tell them.
+
+    mean  (V, 3) normals of the faces around each vertex
+    """
     faces, n = scan.face_vertices, scan.n_vertices
     area_vectors = scan.area_vectors()
     area = np.linalg.norm(area_vectors, axis=1)
     sliver = area < SLIVER * np.median(area)
-    mean = vertex_normals(scan.vertices, faces)
     smooth = all_around(agreeing_corners(area_vectors, mean, faces, SMOOTH) | sliver[:, None], faces, n)
     flat = smooth[faces].any(axis=1) & ~sliver
     for _ in range(GROWTH):
@@ -145,7 +149,7 @@ def _sides(scan: TriangleMesh, table: _Edges) -> _Sides:
     side = unit_vectors(corner_sums(area_vectors, flat, faces, n))
     agree = agreeing_corners(area_vectors, side, faces, AGREE)
     known = all_around(~flat[:, None] | agree, faces, n) & side.any(axis=1)
-    return _extrapolated(scan, table, _Sides(side, scan.vertices, known), (smooth, mean))
+    return smooth, _Sides(side, scan.vertices, known)
 
 
 def _extrapolated(scan: TriangleMesh, table: _Edges, sides: _Sides, at_vertices: tuple[Bools, Floats]) -> _Sides:

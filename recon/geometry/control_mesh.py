@@ -5,10 +5,15 @@
 |   \\   |               face_starts   [0 3 6]
 |     \\ |        a crease edge, as 1-2 may be, is sharp in the limit; free edges always are
 0-------1        a corner vertex stays where it is
+
+A crease or corner of finite sharpness s is sharp for s steps of refinement and smooth from then on; a fraction of a
+step counts as that share of one.
+
+Paper  [derose1998], sharpness as a number.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +37,8 @@ class ControlMesh:
     face_starts      (F + 1,) where each face begins in face_corners; the last entry is H
     crease_edges     (C, 2) vertex pairs along which the limit surface is sharp
     corner_vertices  (K,) vertices on the border or on creases where the limit curve has a corner
+    crease_sharpness (C,) and corner_sharpness (K,), above 0; infinite where they are not given. Of an edge or a vertex
+                     that is named more than once the largest counts
     Raises  BadGeometry when a number is out of range, a face has under three corners, or repeats one next to itself.
     """
 
@@ -40,10 +47,11 @@ class ControlMesh:
     face_starts: Ints
     crease_edges: Ints = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     corner_vertices: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    crease_sharpness: Floats = field(default_factory=lambda: np.empty(0))
+    corner_sharpness: Floats = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        for name, shape in (("vertices", (None, 3)),):
-            object.__setattr__(self, name, frozen_floats(getattr(self, name), shape, f"control mesh: {name}"))
+        object.__setattr__(self, "vertices", frozen_floats(self.vertices, (None, 3), "control mesh: vertices"))
         shapes: tuple[tuple[str, tuple[int | None, ...]], ...] = (
             ("face_corners", (None,)),
             ("face_starts", (None,)),
@@ -52,6 +60,8 @@ class ControlMesh:
         )
         for name, wanted in shapes:
             object.__setattr__(self, name, frozen_ints(getattr(self, name), wanted, f"control mesh: {name}"))
+        for name, marks in (("crease_sharpness", self.crease_edges), ("corner_sharpness", self.corner_vertices)):
+            object.__setattr__(self, name, _sharpness(getattr(self, name), len(marks), name))
         self._check()
 
     def _check(self) -> None:
@@ -76,6 +86,8 @@ class ControlMesh:
         *,
         crease_edges: ArrayLike = (),
         corner_vertices: ArrayLike = (),
+        crease_sharpness: ArrayLike = (),
+        corner_sharpness: ArrayLike = (),
     ) -> "ControlMesh":
         """A control mesh from a list of faces: an (F, k) array, or rows of different lengths."""
         counts = np.array([len(face) for face in faces], dtype=np.int64)
@@ -83,7 +95,8 @@ class ControlMesh:
         corners = np.concatenate([np.asarray(face) for face in faces]) if len(counts) else np.empty(0)
         creases = np.asarray(crease_edges, dtype=np.int64).reshape(-1, 2)
         kept = np.asarray(corner_vertices, dtype=np.int64).reshape(-1)
-        return cls(np.asarray(vertices, dtype=np.float64), corners.astype(np.int64), starts, creases, kept)
+        sharpness = (np.asarray(s, dtype=np.float64).reshape(-1) for s in (crease_sharpness, corner_sharpness))
+        return cls(np.asarray(vertices, dtype=np.float64), corners.astype(np.int64), starts, creases, kept, *sharpness)
 
     @property
     def n_vertices(self) -> int:
@@ -92,6 +105,11 @@ class ControlMesh:
     @property
     def n_faces(self) -> int:
         return len(self.face_starts) - 1
+
+    @property
+    def is_semi_sharp(self) -> bool:
+        """Whether a crease or corner has a finite sharpness."""
+        return bool(np.isfinite(self.crease_sharpness).any() or np.isfinite(self.corner_sharpness).any())
 
     def next_corners(self) -> Ints:
         """(H,) for every entry of face_corners the place of the corner that follows it around its face."""
@@ -115,4 +133,17 @@ class ControlMesh:
 
     def with_vertices(self, vertices: Floats) -> "ControlMesh":
         """The same net with its control points elsewhere; vertices (V, 3)."""
-        return ControlMesh(vertices, self.face_corners, self.face_starts, self.crease_edges, self.corner_vertices)
+        return replace(self, vertices=vertices)
+
+
+def _sharpness(values: ArrayLike, n: int, name: str) -> Floats:
+    """(n,) locked, infinite where none are given; raises BadGeometry."""
+    array = np.array(values, dtype=np.float64)
+    if array.shape != (n,):
+        if array.size:
+            raise BadGeometry("control mesh", f"{name} has shape {array.shape}, not ({n},)")
+        array = np.full(n, np.inf)
+    if not (array > 0.0).all():
+        raise BadGeometry("control mesh", f"{name} holds {array[~(array > 0.0)][0]:g}; a sharpness is above 0")
+    array.setflags(write=False)
+    return array

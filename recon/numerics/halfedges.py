@@ -28,6 +28,7 @@ from recon.numerics.rows import unit_vectors
 __all__ = [
     "EdgeTable",
     "edge_table",
+    "numbered_edges",
     "opposite_sides",
     "paired_sides",
     "FREE",
@@ -98,8 +99,17 @@ class EdgeTable(NamedTuple):
 def edge_table(faces: Ints) -> EdgeTable:
     """All edges of a list of triangles, or of quadrilaterals, with the sides that lie on them."""
     flat = np.ascontiguousarray(faces).ravel()
-    face_edges, ends, uses = _numbered(flat, faces.shape[1], int(flat.max(initial=-1)) + 1)
+    face_edges = np.empty(len(flat), dtype=np.int64)
+    ends, uses = _numbered(flat, faces.shape[1], int(flat.max(initial=-1)) + 1, face_edges)
     return EdgeTable(ends, face_edges.reshape(faces.shape), faces < np.roll(faces, -1, axis=1), uses)
+
+
+def numbered_edges(faces: Ints) -> tuple[SmallInts, SmallInts]:
+    """(E, 2) ends of all edges and (F, k) the edge along each side: of an edge table what scans of millions need."""
+    flat = np.ascontiguousarray(faces).ravel()
+    face_edges = np.empty(len(flat), dtype=np.int32)
+    ends, _ = _numbered(flat, faces.shape[1], int(flat.max(initial=-1)) + 1, face_edges)
+    return ends.astype(np.int32, copy=False), face_edges.reshape(faces.shape)
 
 
 @njit(cache=True)
@@ -142,8 +152,10 @@ def _sort_by_end(corners: Ints, k: int, sides: SmallInts) -> None:  # pragma: no
 
 
 @njit(cache=True)
-def _numbered(corners: Ints, k: int, n: int) -> tuple[Ints, Ints, Ints]:  # pragma: no cover - compiled
-    """The edge of every side of faces with k, (E, 2) the ends and (E,) the sides of every edge."""
+def _numbered(
+    corners: Ints, k: int, n: int, number: Ints | SmallInts
+) -> tuple[Ints, Ints]:  # pragma: no cover - compiled
+    """The ends (E, 2) and the sides (E,) of every edge of faces with k; into `number` the edge of every side."""
     starts, sides = _buckets(corners, k, n)
     # counted first: room for as many edges as sides is twice what there are
     n_edges = 0
@@ -154,8 +166,7 @@ def _numbered(corners: Ints, k: int, n: int) -> tuple[Ints, Ints, Ints]:  # prag
         for side in bucket:
             high = max(corners[side], corners[_end(side, k)])
             n_edges, last = n_edges + (high != last), high
-    number = np.empty(len(corners), dtype=np.int64)
-    ends, uses = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int64)
+    ends, uses = np.empty((n_edges, 2), dtype=number.dtype), np.zeros(n_edges, dtype=number.dtype)
     edge = -1
     for low in range(n):
         last = -1
@@ -166,7 +177,7 @@ def _numbered(corners: Ints, k: int, n: int) -> tuple[Ints, Ints, Ints]:  # prag
                 ends[edge, 0], ends[edge, 1] = low, high
             number[side] = edge
             uses[edge] += 1
-    return number, ends, uses
+    return ends, uses
 
 
 def opposite_sides(faces: Ints) -> Ints:

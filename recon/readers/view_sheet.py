@@ -16,7 +16,6 @@ as that of the part's mirror image, whose side view looks from the right.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,8 @@ Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 TOUCH = 1e-4  # of the sheet's size: strokes that come so near belong to one figure
+SLIT = 1e-3  # of the sheet's size: views stand further apart
+NEAR = 1e-3  # of a view's size: what is nearer in another view is the same, once both stand at the lowest place
 MISFIT = 0.02  # of the drawing's size: widths and heights that two views share may differ by this, once scaled
 
 
@@ -97,7 +98,7 @@ def separate_views(strokes: Strokes, name: str) -> ViewSheet:
         raise UnreadableFile(name, "holds no lines of a drawing", "Three views in straight lines are needed")
     strokes, notes = _without_frame(strokes)
     fits = _all_fits(strokes)
-    if not fits or min(fits, key=lambda fit: fit[0])[0] > MISFIT:
+    if not fits or min(fits, key=_merit)[0] > MISFIT:
         for rest in _without_margin(strokes):
             better = [fit for fit in _all_fits(rest) if fit[0] <= MISFIT]
             if better:
@@ -110,7 +111,7 @@ def separate_views(strokes: Strokes, name: str) -> ViewSheet:
             "its lines do not fall into front, top and side views",
             "The top view stands above or below the front view, the side view beside it, with gaps between them",
         )
-    misfit, layout, views, scales = min(fits, key=lambda fit: fit[0])
+    misfit, layout, views, scales = min(fits, key=_merit)
     if misfit > MISFIT:
         raise UnreadableFile(
             name,
@@ -170,14 +171,20 @@ def _figures(segments: Floats) -> Ints:
 
 
 def _gaps(low: Floats, high: Floats) -> list[float]:
-    """Middles of the gaps that no interval covers."""
+    """Middles of the gaps that no interval covers; lines that should meet in a view may leave a slit."""
     order = np.argsort(low)
     reach = np.maximum.accumulate(high[order])
-    open_after = np.flatnonzero(low[order][1:] > reach[:-1])
+    open_after = np.flatnonzero(low[order][1:] - reach[:-1] > SLIT * (reach[-1] - low.min()))
     return [float((low[order][k + 1] + reach[k]) / 2) for k in open_after]
 
 
 Fit = tuple[float, Layout, tuple[Strokes, Strokes, Strokes], tuple[float, float]]
+
+
+def _merit(fit: Fit) -> tuple[bool, float]:
+    """Less is better: views at one scale before views at several, which would fit many a wrong cut of the sheet."""
+    misfit, _, _, scales = fit
+    return scales != (1.0, 1.0), misfit
 
 
 def _all_fits(strokes: Strokes) -> list[Fit]:
@@ -198,16 +205,26 @@ def _without_margin(strokes: Strokes) -> Iterator[Strokes]:
 
 
 def _fits(strokes: Strokes, layout: Layout) -> list[Fit]:
-    """Every way to cut the sheet into quarters as the layout wants it, with the misfit of the shared lengths."""
+    """Every way to cut the sheet into views as the layout wants it, with the misfit of the shared lengths."""
     box = _boxes(strokes.segments)
-    found: list[Fit] = []
-    for x, y in product(_gaps(box[:, 0], box[:, 2]), _gaps(box[:, 1], box[:, 3])):
-        quarter = np.column_stack([box[:, 0] > x, box[:, 1] > y]).astype(np.int64)
-        front, top, side = (strokes.chosen((quarter == q).all(axis=1)) for q in (layout.front, layout.top, layout.side))
-        counts = [len(view.segments) for view in (front, top, side)]
-        if min(counts) and sum(counts) == len(box):
-            found.append(_fit(layout, (front, top, side)))
-    return found
+    return [_fit(layout, (strokes.chosen(f), strokes.chosen(t), strokes.chosen(s))) for f, t, s in _cuts(box, layout)]
+
+
+def _cuts(box: Floats, layout: Layout) -> Iterator[tuple[Flags, Flags, Flags]]:
+    """Rows of the front, top and side view: one of the two others is cut off from edge to edge, then the front view.
+
+    A view at a scale of its own may reach over the gap between the others; its middle tells where it stands.
+    """
+    for along, alone in ((1, layout.top), (0, layout.side)):
+        across = 1 - along
+        for first in _gaps(box[:, along], box[:, along + 2]):
+            together = (box[:, along] > first) == layout.front[along]
+            rest = box[~together]
+            middle = (rest[:, across].min() + rest[:, across + 2].max()) / 2
+            for second in _gaps(box[together, across], box[together, across + 2]):
+                front = together & ((box[:, across] > second) == layout.front[across])
+                if (middle > second) == alone[across]:
+                    yield (front, ~together, together & ~front) if along else (front, together & ~front, ~together)
 
 
 def _fit(layout: Layout, views: tuple[Strokes, Strokes, Strokes]) -> Fit:
@@ -224,10 +241,23 @@ def _fit(layout: Layout, views: tuple[Strokes, Strokes, Strokes]) -> Fit:
 
 
 def _aligned(views: Sequence[Strokes], scales: tuple[float, float], mirrored: bool) -> ThreeViews:
-    made = []
-    for view, scale in zip(views, (1.0, *scales)):
-        segments = (view.segments - view.segments.reshape(-1, 2).min(axis=0)) * scale
-        if mirrored:
-            segments = segments * [-1, 1] + [segments[:, :, 0].max(), 0.0]
-        made.append(DrawnView(segments, view.hidden))
-    return ThreeViews(*made)
+    placed = [
+        (view.segments - view.segments.reshape(-1, 2).min(axis=0)) * scale for view, scale in zip(views, (1.0, *scales))
+    ]
+    if mirrored:
+        placed = [segments * [-1, 1] + [segments[:, :, 0].max(), 0.0] for segments in placed]
+    front, top, side = placed
+    top = top + np.array([_off(top[:, :, 0], front[:, :, 0]), 0.0])
+    side = side + np.array([_off(side[:, :, 0], top[:, :, 1]), _off(side[:, :, 1], front[:, :, 1])])
+    return ThreeViews(*(DrawnView(made, view.hidden) for made, view in zip((front, top, side), views)))
+
+
+def _off(values: Floats, others: Floats) -> float:
+    """How far values lie below the same ones in another view: the lowest ones tell, but each may be off a little."""
+    ordered = np.sort(others, axis=None)
+    flat = values.ravel()
+    slot = np.clip(np.searchsorted(ordered, flat), 1, len(ordered) - 1)
+    below, above = ordered[slot - 1], ordered[slot]
+    away = np.where(flat - below < above - flat, below, above) - flat
+    near = away[np.abs(away) <= NEAR * np.ptp(ordered)]
+    return float(np.median(near)) if len(near) else 0.0

@@ -2,6 +2,7 @@
 
 element                                  what becomes of it
 line, polyline, polygon, rect, path      edges, drawn through or dashed; y turned upward, transforms applied
+style sheets                             rules of classes, names and elements say how lines are drawn
 a dash array of more than one dash       set aside as a centre line, and counted
 text, image, filled shapes, markers      set aside, and counted
 circle, ellipse, curves of a path        refused, with their places
@@ -9,7 +10,7 @@ circle, ellipse, curves of a path        refused, with their places
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -28,6 +29,8 @@ Floats = NDArray[np.float64]
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 COMMAND = re.compile(r"([MmLlHhVvZzCcSsQqTtAa])([^MmLlHhVvZzCcSsQqTtAa]*)")
+RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
+REMARK = re.compile(r"/\*.*?\*/", re.DOTALL)
 TRANSFORM = re.compile(r"(matrix|translate|scale|rotate|skewX|skewY)\s*\(([^)]*)\)")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "px": 25.4 / 96}
 ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
@@ -60,6 +63,7 @@ class _Sheet:
     aside: Counter[str] = field(default_factory=Counter)
     n_elements: int = 0
     named: dict[str, Any] = field(default_factory=dict)
+    rules: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
 def read_svg_views(path: str | Path) -> ViewSheet:
@@ -70,7 +74,8 @@ def read_svg_views(path: str | Path) -> ViewSheet:
     name = str(path)
     root = _root(file_bytes(path), name)
     # of two elements with one name the first counts
-    sheet = _Sheet(named={e.get("id", ""): e for e in reversed(list(root.iter())) if isinstance(e.tag, str)})
+    elements = [element for element in root.iter() if isinstance(element.tag, str)]
+    sheet = _Sheet(named={e.get("id", ""): e for e in reversed(elements)}, rules=_rules(elements))
     scale = _millimetres(root)
     try:
         _read(root, _Pen(place=np.diag([scale, -scale, 1.0])), sheet, 0)
@@ -116,9 +121,29 @@ def _millimetres(root: Any) -> float:
     return unit * size[0] / box[2] if len(box) == 4 and box[2] > 0 else unit
 
 
-def _style(element: Any) -> dict[str, str]:
-    written = (item.split(":", 1) for item in element.get("style", "").split(";") if ":" in item)
-    return dict(element.attrib) | {key.strip(): value.strip() for key, value in written}
+def _rules(elements: Sequence[Any]) -> dict[str, dict[str, str]]:
+    """What style sheets say of each simple selector: an element's kind, .class or #name."""
+    found: dict[str, dict[str, str]] = {}
+    for text in ("".join(element.itertext()) for element in elements if _tag(element) == "style"):
+        for selectors, body in RULE.findall(REMARK.sub("", text)):
+            for selector in selectors.split(","):
+                found.setdefault(selector.strip(), {}).update(_declarations(body))
+    return found
+
+
+def _declarations(text: str) -> dict[str, str]:
+    pairs = (item.split(":", 1) for item in text.split(";") if ":" in item)
+    return {key.strip(): value.strip() for key, value in pairs}
+
+
+def _style(element: Any, rules: Mapping[str, dict[str, str]]) -> dict[str, str]:
+    """Attributes, over them the rules that name the element, over them its own style."""
+    classes = element.get("class", "").split()
+    selectors = (_tag(element), *(f".{name}" for name in classes), f"#{element.get('id')}")
+    style = dict(element.attrib)
+    for selector in selectors:
+        style |= rules.get(selector, {})
+    return style | _declarations(element.get("style", ""))
 
 
 def _read(element: Any, pen: _Pen, sheet: _Sheet, depth: int) -> None:
@@ -128,7 +153,7 @@ def _read(element: Any, pen: _Pen, sheet: _Sheet, depth: int) -> None:
     sheet.n_elements += 1
     if sheet.n_elements > MOST_ELEMENTS:
         raise _TooMany
-    style = _style(element)
+    style = _style(element, sheet.rules)
     if style.get("display") == "none" or style.get("visibility") == "hidden":
         return
     pen = replace(
@@ -195,7 +220,8 @@ def _draw(element: Any, kind: str, pen: _Pen, sheet: _Sheet) -> None:
         return
     lines, curves = _outline(element, kind)
     where = [pen.place @ [*place, 1.0] for _, place in curves]
-    sheet.curves += [f"{name} at ({x:.6g}, {y:.6g})" for (name, _), (x, y, _) in zip(curves, where)]
+    # y runs downward in the file, and there the user looks for them
+    sheet.curves += [f"{name} at ({x:.6g}, {-y:.6g})" for (name, _), (x, y, _) in zip(curves, where)]
     for a, b in lines:
         if a != b:
             ends = np.column_stack([np.array([a, b]), [1.0, 1.0]]) @ pen.place.T

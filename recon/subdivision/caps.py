@@ -1,29 +1,23 @@
-"""Caps: one bi-quintic Bezier patch a quad around an irregular vertex, tangent planes alike across all sides.
+"""Caps around irregular vertices: patches that are near the limit surface and whose tangent planes agree.
 
-            spoke 2                 patch i lies between spokes i and i + 1; u runs along spoke i, v along spoke i + 1
-      .-------o-------.             P_i(u, 0) = C_i(u)      P_i(0, v) = C_{i+1}(v)
-      |  P_2  |  P_1  |
-      |       |       |             outer sides u = 1 and v = 1: position and cross derivative of the bicubic beyond,
-      o-------x-------o spoke 1     so the poles (a, b) with a >= 4 or b >= 4 are given. Along a smooth spoke
-      |  P_3  |  P_0  |
-      |       |       |             d/du P_{i-1}(0, t) + d/dv P_i(t, 0) = 2 cos(theta) (1 - t)^2 C_i'(t)
-      '-------o-------'
-            spoke 0                 theta: 2 pi / n around a vertex, pi / n at a border, and at a corner the angle
-
-The other poles are the constrained least-squares fit to points of the limit surface. Its matrices depend on the kind of
-vertex and the number of its faces alone: one table each, kept. The fit follows the surface's parametrisation, which
-no patch can; so rounds of Gauss-Newton steps then lower the distance along the surface's normals alone, by moves that
-leave the conditions as they are (columns of `ways`), with a little damping of moves along the surface:
+Around a vertex lie n patches between spokes, the curves C_i along the edges that leave it. Poles along the outer sides
+are given by the polynomials beyond; conditions, linear in the poles, make tangent planes agree along the spokes. The
+other poles are the constrained least-squares fit to points of the limit surface. Its matrices depend on how the spokes
+turn around the vertex alone: one table a turn, kept, made in a hundredth of a second. The fit follows the surface's
+parametrisation, which no patch can; so rounds of Gauss-Newton steps then lower the distance along the surface's normals
+alone, by moves that leave the conditions as they are (columns of `ways`), with a little damping of moves along the
+surface:
 
     sum of (n_s . (S_s - L_s))^2 + DAMPING^2 |moves|^2,   L_s the foot of sample s, n_s the normal there
 
-K  quads around the vertex · poles are numbered 36 i + 6 a + b, equal ones once · samples (SAMPLES^2) a patch
+At last the patches are probed between the samples, and near the vertex: how far they are off, and whether one folds.
+
+N  poles a patch, K patches around the vertex; equal poles have one number · S samples and T probes a patch
 
 Paper  [loop2004], G1 patches over irregular vertices; [peters1991], the condition along a spoke.
 """
 
-from functools import cache
-from math import comb
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -32,30 +26,48 @@ from numpy.typing import NDArray
 from recon.subdivision.evaluation import PatchArrays, points_at
 from recon.subdivision.sheets import Sheets, VertexKind
 
-__all__ = ["CapTable", "Caps", "cap_nets", "corner_angle", "fans", "finished_table", "solved_fans", "spoke_angle"]
+__all__ = [
+    "BEZIER",
+    "CapTable",
+    "Caps",
+    "Places",
+    "Turn",
+    "caps_of",
+    "corner_turn",
+    "fans",
+    "finished_table",
+    "probed",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-DEGREE = 5
-SAMPLES = 8
 ROUNDS = 3
 STEPS = 2  # toward the feet of the samples, a round
 DAMPING = 0.03
 AT_ONCE = 48  # vertices, which bounds the memory
-ANGLE_STEPS = 24  # a corner's angle is rounded to so many parts of a half turn
+STRAIGHT = 1e-4  # radians from a half turn up to which the borders of a corner are taken for one line
+NEAR = 0.15  # of the patch around the vertex is probed again
+STEP = 1e-4  # of the parameters, for derivatives of probes by differences
 CURVES = 6.0  # weight of samples on the spokes
+
+# Bezier points over the control points of a uniform B-spline's span, by the number of these
+BEZIER = {
+    3: np.array([[1, 1, 0], [0, 2, 0], [0, 1, 1]]) / 2.0,
+    4: np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6.0,
+}
 
 
 class CapTable(NamedTuple):
     """What the poles around one vertex owe to what is given and to the samples.
 
     from_known    (U, K') unknown poles over the given ones
-    from_samples  (U, S) and over the samples
+    from_samples  (U, S K) and over the samples
     ways          (U, q) moves of the unknown poles that no condition feels
-    spread        (36 K, U + K') all poles over the unknown and then the given ones
-    known         (K',) a pole 36 i + 6 a + b for each given one
-    basis         (S, 36 K) samples over all poles
+    spread        (N K, U + K') all poles over the unknown and then the given ones
+    known         (K',) a pole among all for each given one
+    basis         (S K, N K) samples over all poles
+    probes        (3, T K, N K) probes over all poles, and their derivatives
     """
 
     from_known: Floats
@@ -64,75 +76,71 @@ class CapTable(NamedTuple):
     spread: Floats
     known: Ints
     basis: Floats
+    probes: Floats
+
+
+class Places(NamedTuple):
+    """Where one patch is looked at: its weights at places, and the samples (2, S) and probes (2, T)."""
+
+    weights: Callable[[Floats, Floats], Floats]
+    samples: Floats
+    probes: Floats
+
+
+class Turn(NamedTuple):
+    """What the spokes around a vertex share.
+
+    kind, n_faces  of the vertex
+    angle          radians between its first and last spoke, through the surface, and
+    ratio          how many times as long each tangent is as the one before; both matter at a corner only
+    """
+
+    kind: VertexKind
+    n_faces: int
+    angle: float = 0.0
+    ratio: float = 1.0
+
+    @property
+    def is_closed(self) -> bool:
+        return self.kind in (VertexKind.SMOOTH, VertexKind.DART)
+
+    @property
+    def inner_spokes(self) -> range:
+        """Numbers of the spokes along which tangent planes agree."""
+        return range(0 if self.kind == VertexKind.SMOOTH else 1, self.n_faces)
+
+    @property
+    def theta(self) -> float:
+        """The angle between neighbouring spokes, in the plane of which the tangent plane is an affine image."""
+        around = 2.0 * np.pi if self.is_closed else np.pi if self.kind == VertexKind.BORDER else self.angle
+        return float(around / self.n_faces)
 
 
 class Caps(NamedTuple):
-    """faces (M,) and nets (M, 6, 6, 3) of the bi-quintic patches; off (M,) largest distance found to the limit."""
+    """faces (M,) and nets (M, ..., 3) of patches, (M,) the largest distance of each that was found, and if it folds."""
 
     faces: Ints
     nets: Floats
     off: Floats
+    folded: NDArray[np.bool_]
+
+    def are_good(self, allowed: float) -> bool:
+        """Whether none is farther off than allowed, and none folds."""
+        return bool((self.off <= allowed).all() and not self.folded.any())
 
 
-def sample_places() -> tuple[Floats, Floats]:
-    """(S,) u and v of the samples of one patch; none on the outer sides, which are given."""
-    t = np.arange(SAMPLES) / SAMPLES
-    u, v = np.meshgrid(t, t, indexing="ij")
-    return u.ravel(), v.ravel()
+def probed(between: Floats) -> Floats:
+    """(2, 2 S) places between samples, and as many near the vertex."""
+    return np.concatenate([between, NEAR * between], axis=1)
 
 
-def bernstein(degree: int, t: Floats) -> Floats:
-    """(n, degree + 1) Bernstein polynomials."""
-    i = np.arange(degree + 1)
-    count = np.array([comb(degree, k) for k in i])
-    return count * t[:, None] ** i * (1.0 - t[:, None]) ** (degree - i)
-
-
-def _surface_basis(u: Floats, v: Floats) -> Floats:
-    return np.einsum("ka,kb->kab", bernstein(DEGREE, u), bernstein(DEGREE, v)).reshape(len(u), 36)
-
-
-def _numbers(n: int, closed: bool) -> Ints:
-    """(36 n,) the number of every pole, the same where two patches share it."""
-    poles = np.arange(36 * n).reshape(n, 6, 6)
-    for i in range(n if closed else n - 1):
-        poles[(i + 1) % n, :, 0] = poles[i, 0, :]
-    return np.unique(poles.ravel(), return_inverse=True)[1]
-
-
-def spoke_angle(kind: VertexKind, n: int, angle: int) -> float:
-    """The angle theta between neighbouring spokes, in the plane of which the tangent plane is an affine image."""
-    turn = {VertexKind.SMOOTH: 2 * np.pi, VertexKind.DART: 2 * np.pi, VertexKind.BORDER: np.pi}
-    return float(turn.get(kind, np.pi * angle / ANGLE_STEPS) / n)
-
-
-@cache
-def cap_table(kind: VertexKind, n: int, angle: int) -> CapTable:
-    """The table of a vertex with n quads; angle, in parts of a half turn, matters at a corner only."""
-    closed = kind in (VertexKind.SMOOTH, VertexKind.DART)
-    numbers = _numbers(n, closed)
-    size = int(numbers.max()) + 1
-    given = np.zeros((n, 6, 6), dtype=bool)
-    given[:, 4:, :] = given[:, :, 4:] = True
-    if not closed:
-        given[0, :, 0] = given[n - 1, 0, :] = True
-    theta = spoke_angle(kind, n, angle)
-    spokes = range(n) if kind == VertexKind.SMOOTH else range(1, n)
-    constraints = np.zeros((0, size))
-    if len(spokes):
-        constraints = np.concatenate([_spoke_rows(n, i, theta, numbers, size) for i in spokes])
-    u, v = sample_places()
-    return finished_table(constraints, (_surface_basis(u, v), u * v == 0.0), numbers, given)
-
-
-def finished_table(
-    constraints: Floats, samples: tuple[Floats, NDArray[np.bool_]], numbers: Ints, given: NDArray[np.bool_]
-) -> CapTable:
-    """The table from the conditions (C, size), the samples of one patch over its poles and which lie on spokes.
+def finished_table(constraints: Floats, places: Places, numbers: Ints, given: NDArray[np.bool_]) -> CapTable:
+    """The table from the conditions (C, size).
 
     numbers  the number of every pole; given  (n, ...) which poles are given
     """
-    one, on_spoke = samples
+    one, on_spoke = places.weights(*places.samples), (places.samples == 0.0).any(axis=0)
+    probes = _with_slopes(places.weights, places.probes)
     n, size, n_poles = len(given), int(numbers.max()) + 1, one.shape[1]
     flags = given.ravel()
     is_known = np.zeros(size, dtype=bool)
@@ -146,7 +154,23 @@ def finished_table(
     first = np.full(size, n_poles * n)
     np.minimum.at(first, numbers[flags], np.flatnonzero(flags))
     spread = all_poles[:, np.concatenate([unknown, known])]
-    return CapTable(from_known, from_samples * weights, ways, spread, first[known], basis)
+    return CapTable(
+        from_known,
+        from_samples * weights,
+        ways,
+        spread,
+        first[known],
+        basis,
+        np.array([np.kron(np.eye(n), p) for p in probes]),
+    )
+
+
+def _with_slopes(weights: Callable[[Floats, Floats], Floats], places: Floats) -> list[Floats]:
+    """Weights (T, N) at places (2, T), and their derivatives by both parameters."""
+    u, v = places
+    by_u = (weights(u + STEP, v) - weights(u - STEP, v)) / (2.0 * STEP)
+    by_v = (weights(u, v + STEP) - weights(u, v - STEP)) / (2.0 * STEP)
+    return [weights(u, v), by_u, by_v]
 
 
 def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
@@ -163,29 +187,6 @@ def _solved(constraints: Floats, samples: Floats, is_known: NDArray[np.bool_]) -
         ways, particular = np.eye(n_free), np.zeros((n_free, a_given.shape[1]))
     fit = ways @ np.linalg.pinv(s_free @ ways, rcond=1e-12)
     return particular - fit @ (s_given + s_free @ particular), fit, ways
-
-
-def _spoke_rows(n: int, i: int, theta: float, numbers: Ints, size: int) -> Floats:
-    """(5, size) the condition along spoke i; its last two coefficients hold by what is given."""
-    before, after = (i - 1) % n, i
-    rows = np.zeros((7, 36 * n))
-
-    def at(patch: int, a: int, b: int) -> int:
-        return 36 * patch + 6 * a + b
-
-    for k in range(6):
-        for m, share in ((k, (6 - k) / 6.0), (k + 1, (k + 1) / 6.0)):  # degree five as degree six
-            rows[m, at(before, 1, k)] += 5.0 * share
-            rows[m, at(before, 0, k)] -= 5.0 * share
-            rows[m, at(after, k, 1)] += 5.0 * share
-            rows[m, at(after, k, 0)] -= 5.0 * share
-    for k in range(5):
-        share = 5.0 * 2.0 * np.cos(theta) * comb(4, k) / comb(6, k)
-        rows[k, at(after, k + 1, 0)] -= share
-        rows[k, at(after, k, 0)] += share
-    folded = np.zeros((7, size))
-    np.add.at(folded.T, numbers, rows.T)
-    return folded[:5]
 
 
 def fans(sheets: Sheets, corners: Ints) -> list[Ints]:
@@ -210,117 +211,95 @@ def fans(sheets: Sheets, corners: Ints) -> list[Ints]:
     return found
 
 
-def _elevated(degree: int) -> Floats:
-    """(6, degree + 1) Bezier points of degree five over those of a lower degree."""
-    rows = np.zeros((DEGREE + 1, degree + 1))
-    for a in range(DEGREE + 1):
-        for i in range(max(0, a - DEGREE + degree), min(degree, a) + 1):
-            rows[a, i] = comb(degree, i) * comb(DEGREE - degree, a - i) / comb(DEGREE, a)
-    return rows
+def caps_of(
+    groups: dict[Turn, list[Ints]],
+    scheme: tuple[Callable[[Turn], CapTable], Places],
+    outer: Floats,
+    surface: tuple[PatchArrays, Floats, Ints],
+) -> Caps:
+    """Caps of fans, those of one turn together.
 
-
-# Bezier points of degree five over the control points of a uniform B-spline's span, by the number of these
-QUINTIC = {
-    3: _elevated(2) @ np.array([[1, 1, 0], [0, 2, 0], [0, 1, 1]]) / 2.0,
-    4: _elevated(3) @ np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6.0,
-}
-
-
-def cap_nets(sheets: Sheets, arrays: PatchArrays, rings: Ints, points: Floats, irregular: Ints) -> Caps:
-    """Caps of all irregular faces.
-
-    arrays, points  what the limit surface is evaluated with: a patch a face
-    rings           (M, 16) or, of a bi-quadratic surface, (M, 9) points of the grid around each irregular face, row by
-                    row; entry 0 is not used
-    irregular       (M,) those faces; corner 0 is the irregular one
+    groups   rows of `outer`, fan after fan
+    scheme   the table of a turn, and where patches are looked at
+    outer    (M, ..., 3) poles of which the known ones are given
+    surface  the limit surface: patches, their points, and (M,) the patch under each cap
     """
-    place = np.full(len(sheets.faces), -1)
-    place[irregular] = np.arange(len(irregular))
-    vertices, first = np.unique(sheets.faces[irregular, 0], return_index=True)
-    around = fans(sheets, 4 * irregular[first])
-    size = round(rings.shape[1] ** 0.5)
-    grids = points[rings].reshape(-1, size, size, 3).transpose(0, 2, 1, 3)  # [i along u, j along v]
-    outer = np.einsum("ai,bj,mijx->mabx", QUINTIC[size], QUINTIC[size], grids)
-    groups: dict[tuple[VertexKind, int, int], list[Ints]] = {}
-    for vertex, fan in zip(vertices.tolist(), around):
-        kind = VertexKind(sheets.kinds[vertex])
-        rows = place[fan]
-        _border_curves(kind, grids[rows], outer, rows)
-        angle = 0
-        if kind == VertexKind.CORNER:
-            apex, inner = outer[rows[0], 0, 0], outer[rows, 5, 5]
-            angle = corner_angle(outer[rows[0], 1, 0] - apex, outer[rows[-1], 0, 1] - apex, inner.mean(axis=0) - apex)
-        groups.setdefault((kind, len(fan), angle), []).append(rows)
-    nets, off = np.empty((len(irregular), 6, 6, 3)), np.zeros(len(irregular))
-    for (kind, n, angle), clusters in groups.items():
+    make, places = scheme
+    arrays, points, faces = surface
+    caps = Caps(faces, np.empty_like(outer), np.zeros(len(faces)), np.zeros(len(faces), dtype=bool))
+    for turn, clusters in groups.items():
         rows = np.array(clusters)
         for begin in range(0, len(rows), AT_ONCE):
             some = rows[begin : begin + AT_ONCE]
-            nets[some.ravel()], off[some.ravel()] = solved_fans(
-                cap_table(kind, n, angle), outer[some], sample_places(), (arrays, points, irregular[some])
-            )
-    return Caps(irregular, nets, off)
+            table, below = make(turn), (arrays, points, faces[some])
+            poles = _solved_fans(table, outer[some], places.samples, below)
+            flat = some.ravel()
+            caps.nets[flat] = poles.reshape(-1, *outer.shape[1:])
+            caps.off[flat], caps.folded[flat] = _probed(table, poles, places.probes, below)
+    return caps
 
 
-def _border_curves(kind: VertexKind, grids: Floats, outer: Floats, rows: Ints) -> None:
-    """Write the first and last spoke, where they are border, into the poles: cubics that the border alone decides."""
-    if kind in (VertexKind.SMOOTH, VertexKind.DART):
-        return
-    first, last = grids[0][:, 1].copy(), grids[-1][1, :].copy()  # rows (before, vertex, next, after next)
-    centre = first[1].copy()
-    if kind == VertexKind.CORNER:
-        first[0], last[0] = 2 * centre - first[2], 2 * centre - last[2]
-    else:
-        first[0], last[0] = last[2].copy(), first[2].copy()
-    outer[rows[0], :, 0], outer[rows[-1], 0, :] = QUINTIC[4] @ first, QUINTIC[4] @ last
-
-
-def corner_angle(one: Floats, two: Floats, inward: Floats) -> int:
-    """The angle at a corner between its borders, through the surface, in parts of a half turn.
-
-    one, two  (3,) along the borders; inward (3,) into the surface
-    """
-    first, second = (x / max(float(np.linalg.norm(x)), 1e-300) for x in (one, two))
-    angle = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
-    if (first + second) @ inward < 0.0:
+def corner_turn(n_faces: int, borders: tuple[Floats, Floats], inward: Floats) -> Turn:
+    """The turn of a corner; borders: tangents (3,) of the first and the last; inward (3,) into the surface."""
+    if n_faces == 1:  # no spoke, and one table for all
+        return Turn(VertexKind.CORNER, n_faces)
+    one, two = (max(float(np.linalg.norm(x)), 1e-300) for x in borders)
+    first, second = borders[0] / one, borders[1] / two
+    # also near a half turn, where the cosine says little
+    angle = 2.0 * float(np.arctan2(np.linalg.norm(first - second), np.linalg.norm(first + second)))
+    if np.pi - angle < STRAIGHT:
+        angle = np.pi
+    elif (first + second) @ inward < 0.0:
         angle = 2 * np.pi - angle
-    parts = round(angle / np.pi * ANGLE_STEPS)
-    if parts == ANGLE_STEPS:  # borders in one line span no plane; near it they do
-        parts += 1 if angle > np.pi else -1
-    return int(np.clip(parts, 1, 2 * ANGLE_STEPS - 1))
+    return Turn(VertexKind.CORNER, n_faces, angle, float((two / one) ** (1.0 / n_faces)))
 
 
-def solved_fans(
-    table: CapTable, outer: Floats, places: tuple[Floats, Floats], surface: tuple[PatchArrays, Floats, Ints]
-) -> tuple[Floats, Floats]:
-    """Poles of M fans of n patches, and (M n,) the largest distance of a sample of each patch from the surface.
-
-    outer    (M, n, ..., 3) poles of which the known ones are given; those that come back (M n, ..., 3) are like it
-    places   of the samples in a patch
-    surface  the limit surface: patches, their points, and (M, n) the patch under each cap
-    """
-    arrays, points, faces = surface
-    m, n = faces.shape
-    u, v = places
+def _solved_fans(table: CapTable, outer: Floats, samples: Floats, surface: tuple[PatchArrays, Floats, Ints]) -> Floats:
+    """(M, K poles, 3) poles of M fans; outer (M, n, ..., 3) poles of which the known ones are given."""
+    m = len(outer)
     known = outer.reshape(m, -1, 3)[:, table.known]
-    patch = np.repeat(faces.ravel(), len(u))
-    place = np.tile(u, m * n), np.tile(v, m * n)
-    limit = points_at(arrays, points, patch, *place, 3).reshape(m, n * len(u), 3, 3)
+    patch, place, limit = _under(samples, surface)
     free = table.from_known @ known + table.from_samples @ limit[:, :, 0]
     poles = table.spread @ np.concatenate([free, known], axis=1)
     ways = table.spread[:, : len(table.ways)] @ table.ways
     reach = table.basis @ ways
-    for turn in range(ROUNDS + 1):
+    for _ in range(ROUNDS):
         drawn = table.basis @ poles
         for _ in range(STEPS):
-            place, limit = _nearer(arrays, points, patch, place, limit, drawn)
-        normal = np.cross(limit[:, :, 1], limit[:, :, 2])
-        length = np.linalg.norm(normal, axis=2, keepdims=True)
-        normal /= np.where(length > 0.0, length, 1.0)
-        off = np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal)
-        if turn < ROUNDS:
-            poles = poles + ways @ _moves(reach, normal, off)
-    return poles.reshape(m * n, *outer.shape[2:]), np.abs(off).reshape(m * n, len(u)).max(axis=1)
+            place, limit = _nearer(surface, patch, place, limit, drawn)
+        normal = _normals(limit)
+        poles = poles + ways @ _moves(reach, normal, np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal))
+    return np.asarray(poles)
+
+
+def _probed(
+    table: CapTable, poles: Floats, probes: Floats, surface: tuple[PatchArrays, Floats, Ints]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """(M n,) the largest distance of a probe of each patch from the surface, and whether one faces the other way."""
+    patch, place, limit = _under(probes, surface)
+    drawn, by_u, by_v = table.probes[:, None] @ poles
+    for _ in range(STEPS):
+        place, limit = _nearer(surface, patch, place, limit, drawn)
+    normal = _normals(limit)
+    off = np.abs(np.einsum("msx,msx->ms", limit[:, :, 0] - drawn, normal))
+    turned = np.einsum("msx,msx->ms", np.cross(by_u, by_v), normal) < 0.0
+    each = (-1, probes.shape[1])
+    return off.reshape(each).max(axis=1), turned.reshape(each).any(axis=1)
+
+
+def _under(places: Floats, surface: tuple[PatchArrays, Floats, Ints]) -> tuple[Ints, tuple[Floats, Floats], Floats]:
+    """Patch and place of every sample (M n S,), and (M, n S, 3, 3) the limit surface there with its derivatives."""
+    arrays, points, faces = surface
+    patch = np.repeat(faces.ravel(), places.shape[1])
+    u, v = np.tile(places, faces.size)
+    return patch, (u, v), points_at(arrays, points, patch, u, v, 3).reshape(len(faces), -1, 3, 3)
+
+
+def _normals(limit: Floats) -> Floats:
+    """Unit normals (M, S, 3) of the surface from its derivatives (M, S, 3, 3); zero where it has none."""
+    normal = np.cross(limit[:, :, 1], limit[:, :, 2])
+    length = np.linalg.norm(normal, axis=2, keepdims=True)
+    return np.asarray(normal / np.where(length > 0.0, length, 1.0))
 
 
 def _moves(reach: Floats, normal: Floats, off: Floats) -> Floats:
@@ -333,9 +312,10 @@ def _moves(reach: Floats, normal: Floats, off: Floats) -> Floats:
 
 
 def _nearer(
-    arrays: PatchArrays, points: Floats, patch: Ints, place: tuple[Floats, Floats], limit: Floats, drawn: Floats
+    surface: tuple[PatchArrays, Floats, Ints], patch: Ints, place: tuple[Floats, Floats], limit: Floats, drawn: Floats
 ) -> tuple[tuple[Floats, Floats], Floats]:
     """Places one step nearer to the feet of the drawn points, and the limit surface there; the vertex stays."""
+    arrays, points, _ = surface
     flat = limit.reshape(-1, 3, 3)
     away = drawn.reshape(-1, 3) - flat[:, 0]
     a, b = flat[:, 1], flat[:, 2]

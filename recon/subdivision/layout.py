@@ -19,10 +19,10 @@ from scipy import sparse
 
 from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import opposite_sides
-from recon.subdivision.limit_tables import CATMULL_CLARK, Rules
+from recon.subdivision.catmull_clark import REGULAR_FACES, refine, split_faces
 from recon.subdivision.sheets import Sheets, cut_along_creases, fan_corners
 
-__all__ = ["Layout", "Rectangle", "isolated", "rectangles"]
+__all__ = ["Layout", "Rectangle", "irregular_corners", "isolated", "rectangles", "turned_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,12 +33,12 @@ EFFORT = 3000  # steps spent on the search for large rectangles, a quad
 
 
 class Layout(NamedTuple):
-    """A mesh whose faces, k = 3 or 4 corners each, have one irregular corner at most.
+    """A mesh of quads that have one irregular corner at most.
 
     sheets    cut along creases; an irregular corner is corner 0
-    faces     (F, k) the same faces over vertices that creases do not cut, and `across` (F, k) their sides across
+    faces     (F, 4) the same quads over vertices that creases do not cut, and `across` (F, 4) their sides across
     points    (W, V) sparse, control points -> points of the sheets' vertices
-    regular   (F,) whether no corner is irregular, so that the face is polynomial
+    regular   (F,) whether no corner is irregular, so that the quad is polynomial
     """
 
     sheets: Sheets
@@ -55,39 +55,39 @@ class Rectangle(NamedTuple):
     turns: Ints
 
 
-def isolated(mesh: ControlMesh, rules: Rules = CATMULL_CLARK, steps: int = 0) -> Layout:
-    """The mesh refined so often, and once more where a face would have two irregular corners.
+def isolated(mesh: ControlMesh, steps: int = 0) -> Layout:
+    """The mesh, refined once where a quad would have two irregular corners, and then so often.
 
-    Raises  BadGeometry when a face has another number of corners than the scheme's; NotManifold.
+    Raises  BadGeometry when a face is no quadrilateral; NotManifold.
     """
-    k = rules.n_corners
-    sheets, behind = cut_along_creases(mesh, k)
+    sheets, behind = cut_along_creases(mesh, 4)
     points = sparse.csr_array(
         (np.ones(len(behind)), behind, np.arange(len(behind) + 1)), shape=(len(behind), mesh.n_vertices)
     )
-    beside = opposite_sides(mesh.faces_of(k))
+    beside = opposite_sides(mesh.faces_of(4))
     # two parts that touch in a vertex alone part there
     faces = fan_corners(beside).reshape(beside.shape)
     whole = Sheets(faces, beside, np.zeros(int(faces.max()) + 1, dtype=np.int64))
-    irregular = _irregular_corners(sheets, rules)
-    while steps > 0 or (irregular.sum(axis=1) > 1).any():
-        step, whole = rules.refine(sheets), rules.refine(whole).sheets
-        sheets, points, steps = step.sheets, sparse.csr_array(step.matrix @ points), steps - 1
-        irregular = _irregular_corners(sheets, rules)
+    irregular = irregular_corners(sheets, REGULAR_FACES)
+    while (near := bool((irregular.sum(axis=1) > 1).any())) or steps > 0:
+        step, whole = refine(sheets), split_faces(whole)
+        sheets, points, steps = step.sheets, sparse.csr_array(step.matrix @ points), steps - (not near)
+        irregular = irregular_corners(sheets, REGULAR_FACES)
     turns = irregular.argmax(axis=1)
-    turned, across = _turned(sheets.faces, sheets.across, turns)
-    whole_faces, whole_across = _turned(whole.faces, whole.across, turns)
+    turned, across = turned_faces(sheets.faces, sheets.across, turns)
+    whole_faces, whole_across = turned_faces(whole.faces, whole.across, turns)
     regular = np.logical_not(irregular.any(axis=1))
     return Layout(Sheets(turned, across, sheets.kinds), whole_faces, whole_across, points, np.asarray(regular))
 
 
-def _irregular_corners(sheets: Sheets, rules: Rules) -> Bools:
-    wanted = np.array(rules.regular_faces)
-    irregular = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds)) != wanted[sheets.kinds]
-    return irregular[sheets.faces]
+def irregular_corners(sheets: Sheets, regular_faces: tuple[int, ...]) -> Bools:
+    """(F, k) whether the corner has not the faces around it that its kind has in a regular mesh."""
+    wanted = np.array(regular_faces)[sheets.kinds]
+    irregular = np.bincount(sheets.faces.ravel(), minlength=len(sheets.kinds)) != wanted
+    return np.asarray(irregular[sheets.faces])
 
 
-def _turned(faces: Ints, across: Ints, turns: Ints) -> tuple[Ints, Ints]:
+def turned_faces(faces: Ints, across: Ints, turns: Ints) -> tuple[Ints, Ints]:
     """Faces begun at another corner; the sides across with them."""
     k = faces.shape[1]
     places = (np.arange(k) + turns[:, None]) % k

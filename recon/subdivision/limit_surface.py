@@ -26,6 +26,7 @@ from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 __all__ = [
     "LimitPatches",
     "Scheme",
+    "TooCoarse",
     "limit_patches",
     "limit_points",
     "patch_arrays",
@@ -43,6 +44,10 @@ class Scheme(StrEnum):
     LOOP = "loop"
     CATMULL_CLARK = "catmull-clark"
     DOO_SABIN = "doo-sabin"
+
+
+class TooCoarse(BadGeometry):
+    """A mesh of so few faces that those around neighbouring vertices are the same; once refined it is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +70,13 @@ def limit_patches(mesh: ControlMesh, scheme: Scheme = Scheme.LOOP) -> LimitPatch
 
     Raises  BadGeometry when a face has another number of corners or a vertex too many faces; NotManifold.
     """
+    if scheme == Scheme.DOO_SABIN:
+        dual = doo_sabin_patches(mesh)
+        return LimitPatches(dual.arrays, dual.points, dual.sheets)
     sheets, behind = cut_along_creases(mesh, 3 if scheme == Scheme.LOOP else 4)
     copies = sparse.csr_array(
         (np.ones(len(behind)), behind, np.arange(len(behind) + 1)), shape=(len(behind), mesh.n_vertices)
     )
-    if scheme == Scheme.DOO_SABIN:
-        arrays, points, complex_ = doo_sabin_patches(sheets)
-        return LimitPatches(arrays, sparse.csr_array(points @ copies), complex_)
     rules = LOOP if scheme == Scheme.LOOP else CATMULL_CLARK
     step = rules.refine(sheets)
     whole = rules.extended(step.sheets)
@@ -79,12 +84,19 @@ def limit_patches(mesh: ControlMesh, scheme: Scheme = Scheme.LOOP) -> LimitPatch
     return LimitPatches(arrays, sparse.csr_array(whole.matrix @ (step.matrix @ copies)), step.sheets)
 
 
-def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets) -> PatchArrays:
+def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets, chosen: Ints | None = None) -> PatchArrays:
+    """Patches of all faces of a mesh, or of the chosen ones alone; corner 0 is the only one that may be irregular.
+
+    whole   the mesh with what is reflected in its borders
+    Raises  TooCoarse; BadGeometry when a vertex has too many faces.
+    """
     faces, across, kinds = sheets
     n_faces = np.bincount(faces.ravel(), minlength=len(kinds))
     wanted = np.array(rules.regular_faces)
-    irregular = np.flatnonzero((n_faces != wanted[kinds])[faces[:, 0]])
-    regular = np.setdiff1d(np.arange(len(faces)), irregular, assume_unique=True)
+    asked = np.zeros(len(faces), dtype=bool)
+    asked[slice(None) if chosen is None else chosen] = True
+    is_irregular = (n_faces != wanted[kinds])[faces[:, 0]]
+    irregular, regular = np.flatnonzero(asked & is_irregular), np.flatnonzero(asked & ~is_irregular)
     rings, lengths = face_rings(faces, across, irregular)
     if lengths.max(initial=0) > min(MAX_RING, MAX_SUPPORT):
         most = int(n_faces[faces[irregular, 0]].max())
@@ -93,10 +105,10 @@ def patch_arrays(rules: Rules, sheets: Sheets, whole: Sheets) -> PatchArrays:
     keys, number = _table_keys(sheets, irregular)
     made = [corner_table(rules, VertexKind(k), n, p) for k, n, p in keys.tolist()]
     if any(len(made[t].limit) != k for t, k in zip(number.tolist(), lengths.tolist())):
-        raise BadGeometry("control mesh", "the faces around two neighbouring vertices are the same: refine it first")
+        raise TooCoarse("control mesh", "the faces around two neighbouring vertices are the same: refine it first")
     n_regular = rules.basis().shape[1]
-    counts = np.full(len(faces), n_regular)
-    counts[irregular] = lengths
+    counts = np.zeros(len(faces), dtype=np.int64)
+    counts[regular], counts[irregular] = n_regular, lengths
     starts = np.concatenate([[0], np.cumsum(counts)])
     support = np.empty(starts[-1], dtype=np.int64)
     support[starts[regular][:, None] + np.arange(n_regular)] = rules.regular_rings(whole, regular)

@@ -1,9 +1,9 @@
-"""Surfaces laid over rectangles of quads, joined along the edges of the quads.
+"""Surfaces laid over groups of faces of a mesh, joined along the edges of the mesh.
 
-+---+---+---+        a side of a tile is a row of quad edges; it is cut where a corner of any tile lies, and what
++---+---+---+        a side of a tile is a row of mesh edges; it is cut where a corner of any tile lies, and what
 |   A   | B |        is left between two cuts has the same tiles on both sides: one edge of the mosaic
 +   .   +---+
-|       | C |        the row of an edge is named by the smallest of its quad edges, from either side
+|       | C |        the row of an edge is named by the smallest of its mesh edges, from either side
 +---+---+---+
 """
 
@@ -18,29 +18,40 @@ from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.patches import PatchMosaic
 from recon.subdivision.sheets import edge_numbers
 
-__all__ = ["Tile", "joined"]
+__all__ = ["Strip", "Tile", "joined"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Tile(NamedTuple):
-    """A surface over quads; parameters count quads: u from 0 to m, v from 0 to n.
+class Strip(NamedTuple):
+    """Sides of faces, one after the other along the side of a tile.
 
-    faces   (n, m) the quads, row by row, and `turns` (n, m) the side of each that lies at the bottom
-    sides   points of the curves along the four sides, in the sides' direction
-    part    curve of a part of a side: its points, first quad, last quad
+    faces, sides  (m,) the faces and the side of each that is meant, in the direction of the tile's side
+    along         whether the sides of the faces run in that direction
     """
 
     faces: Ints
-    turns: Ints
+    sides: Ints
+    along: bool
+
+
+class Tile(NamedTuple):
+    """A surface over faces of a mesh; the parameter along a side counts the mesh edges there.
+
+    strips  what lies along its four sides; None where a side is collapsed to a point
+    sides   points of the curves along the sides, in the sides' direction
+    part    curve of a part of a side: its points, first mesh edge, last mesh edge
+    """
+
     surface: BSplineSurface
-    sides: tuple[Floats, Floats, Floats, Floats]
+    strips: tuple[Strip | None, ...]
+    sides: tuple[Floats, ...]
     part: Callable[[Floats, int, int], BSplineCurve]
 
 
 class _Row(NamedTuple):
-    """The quad edges along one side of a tile, in the side's direction, and the vertices between them."""
+    """The mesh edges along one side of a tile, in the side's direction, and the vertices between them."""
 
     edges: list[int]
     vertices: list[int]
@@ -49,20 +60,21 @@ class _Row(NamedTuple):
 def joined(faces: Ints, across: Ints, smooth: NDArray[np.bool_], tiles: list[Tile]) -> PatchMosaic:
     """The tiles with the edges that they share; edges take their curve from the tile that comes first.
 
-    faces, across  (F, 4) quads, and the sides across them, over vertices that creases do not part
-    smooth         (F, 4) whether the surface is smooth across each side
+    faces, across  (F, k) faces, and the sides across them, over vertices that creases do not part
+    smooth         (F, k) whether the surface is smooth across each side
     """
     numbers, n_edges = edge_numbers(across)
     is_smooth = np.zeros(n_edges, dtype=bool)
     is_smooth[numbers[smooth]] = True
-    rows = [_side_rows(tile, faces, numbers) for tile in tiles]
+    rows = [[_row(strip, faces, numbers) for strip in tile.strips] for tile in tiles]
     ends = np.zeros(int(faces.max()) + 1, dtype=bool)
     for four in rows:
         for row in four:
-            ends[[row.vertices[0], row.vertices[-1]]] = True
+            if row.vertices:
+                ends[[row.vertices[0], row.vertices[-1]]] = True
     curves: list[BSplineCurve] = []
     pairs: list[tuple[int, int]] = []
-    firsts: list[tuple[int, int]] = []  # first quad edge and start of every edge
+    firsts: list[tuple[int, int]] = []  # first mesh edge and start of every edge
     known: dict[int, int] = {}
     starts, uses, forward, ranges, creases = [0], [], [], [], []
     for tile, four in zip(tiles, rows):
@@ -98,18 +110,12 @@ def joined(faces: Ints, across: Ints, smooth: NDArray[np.bool_], tiles: list[Til
     )
 
 
-def _side_rows(tile: Tile, faces: Ints, numbers: Ints) -> list[_Row]:
-    strips = (
-        (tile.faces[0], tile.turns[0]),
-        (tile.faces[:, -1], tile.turns[:, -1]),
-        (tile.faces[-1], tile.turns[-1]),
-        (tile.faces[:, 0], tile.turns[:, 0]),
-    )
-    rows = []
-    for side, (quads, turns) in enumerate(strips):
-        own = (side + turns) % 4
-        start, end = faces[quads, own], faces[quads, (own + 1) % 4]
-        if side >= 2:  # quads run around themselves, against the direction of these sides
-            start, end = end, start
-        rows.append(_Row(numbers[quads, own].tolist(), [int(start[0]), *end.tolist()]))
-    return rows
+def _row(strip: Strip | None, faces: Ints, numbers: Ints) -> _Row:
+    """The row along a side; empty where there is no strip."""
+    if strip is None:
+        return _Row([], [])
+    owners, sides = strip.faces, strip.sides
+    start, end = faces[owners, sides], faces[owners, (sides + 1) % faces.shape[1]]
+    if not strip.along:
+        start, end = end, start
+    return _Row(numbers[owners, sides].tolist(), [int(start[0]), *end.tolist()])

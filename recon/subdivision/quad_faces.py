@@ -2,7 +2,7 @@
 
     rectangle of m x n quads   one B-spline surface with unit spans, bicubic in Catmull-Clark's scheme and bi-quadratic
                                in Doo-Sabin's: exact
-    cap                        one bi-quintic Bezier patch a quad (`caps`)
+    cap                        one bi-quintic Bezier patch a quad (`quad_caps`)
 
 Both are laid over the same quads, so what two of them share is a row of the quads' edges: the row becomes one edge, cut
 where a third surface begins.
@@ -23,59 +23,58 @@ from numpy.typing import NDArray
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.patches import PatchMosaic
-from recon.numerics.halfedges import opposite_sides
-from recon.subdivision import catmull_clark, doo_sabin
-from recon.subdivision.caps import Caps, cap_nets
+from recon.subdivision import catmull_clark
+from recon.subdivision.caps import Caps
+from recon.subdivision.doo_sabin import doo_sabin_patches
 from recon.subdivision.layout import Layout, Rectangle, isolated, rectangles
-from recon.subdivision.limit_surface import patch_arrays
+from recon.subdivision.limit_surface import TooCoarse, patch_arrays
 from recon.subdivision.limit_tables import CATMULL_CLARK
-from recon.subdivision.mosaic import Tile, joined
-from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases, fan_corners
+from recon.subdivision.mosaic import Strip, Tile, joined
+from recon.subdivision.polygons import MAX_FACES
+from recon.subdivision.quad_caps import cap_nets
+from recon.subdivision.sheets import Sheets, fan_corners
 from recon.subdivision.uniform_splines import clamped
 
-__all__ = ["ACCURACY", "LimitFaces", "catmull_clark_faces", "doo_sabin_faces"]
+__all__ = ["LimitFaces", "catmull_clark_faces", "doo_sabin_faces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ACCURACY = 2e-3
-MAX_STEPS, MAX_QUADS = 3, 250_000
+MAX_STEPS = 3
 
 
 class LimitFaces(NamedTuple):
     """Faces of a limit surface, and how true they are.
 
     mosaic      the faces with the edges that they share
-    n_exact     how many of them are the limit surface itself; the others come after them
+    n_exact     how many of them are the limit surface itself
     off         the largest distance found between the others and the limit surface
-    n_quads     quads (or triangles) that the faces were laid over
     """
 
     mosaic: PatchMosaic
     n_exact: int
     off: float
-    n_quads: int
 
 
-def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, accuracy: float = ACCURACY) -> LimitFaces:
-    """Faces of the Catmull-Clark surface of a quadrilateral control mesh.
+def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, allowed: float = np.inf) -> LimitFaces:
+    """Faces of the Catmull-Clark surface of a quadrilateral control mesh without semi-sharp creases.
 
     grouped   whether regular quads become rectangles; else each is a face of its own
-    accuracy  how far caps may stay from the limit surface, in mean edge lengths of the control mesh; reached as far as
-              three refinements and a quarter of a million quads go
+    allowed   how far caps may stay from the limit surface; reached as far as three refinements and a quarter of a
+              million quads go
     Promises  tangent planes agree along every edge that is no crease, but at corners where the surface has none;
               regular quads are exact.
     Raises    BadGeometry when a face is no quadrilateral or a vertex has too many faces; NotManifold.
     """
-    faces = mesh.faces_of(4)
-    edge = np.linalg.norm(mesh.vertices[faces] - mesh.vertices[np.roll(faces, -1, axis=1)], axis=2).mean()
     for steps in range(MAX_STEPS + 1):
-        layout = isolated(mesh, CATMULL_CLARK, steps)
+        layout = isolated(mesh, steps)
         whole = catmull_clark.extended(layout.sheets)
         points = whole.matrix @ (layout.points @ mesh.vertices)
-        caps = _caps(layout, whole.sheets, points)
-        off = float(caps.off.max(initial=0.0))
-        if off <= accuracy * edge or 4 * len(layout.faces) > MAX_QUADS:
+        try:
+            caps = _caps(layout, whole.sheets, points)
+        except TooCoarse:
+            continue
+        if caps.are_good(allowed) or 4 * len(layout.faces) > MAX_FACES:
             break
     regular = np.flatnonzero(layout.regular)
     rings = np.zeros((len(layout.regular), 16), dtype=np.int64)
@@ -83,61 +82,24 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, accuracy: fl
     boxes = _boxes(layout.sheets.across, layout.regular, grouped=grouped)
     tiles = [_spline(box, rings, points) for box in boxes] + _cap_tiles(caps)
     mosaic = joined(layout.faces, layout.across, layout.sheets.across >= 0, tiles)
-    return LimitFaces(mosaic, len(boxes), off, len(layout.faces))
+    return LimitFaces(mosaic, len(boxes), float(caps.off.max(initial=0.0)))
 
 
 def doo_sabin_faces(mesh: ControlMesh, *, grouped: bool = True) -> LimitFaces:
-    """Faces of the Doo-Sabin surface of a quadrilateral control mesh; as `catmull_clark_faces`, but for the accuracy.
+    """Faces of the Doo-Sabin surface of a control mesh; as `catmull_clark_faces`, but for `allowed`.
 
-    Raises    BadGeometry when a face is no quadrilateral, a vertex has too many faces, or a crease ends inside the
-              surface; NotManifold.
+    Raises    BadGeometry when a vertex has too many faces, or a crease ends inside the surface or is semi-sharp;
+              NotManifold.
     """
-    sheets, behind = cut_along_creases(mesh, 4)
-    whole = doo_sabin.completed(sheets)
-    split = catmull_clark.split_faces(whole.sheets)
-    kept = np.flatnonzero(whole.sheets.faces.ravel() < len(sheets.kinds))
-    arrays, rings = doo_sabin.dual_patches(split, kept)
-    points = doo_sabin.face_points(whole) @ mesh.vertices[behind]
-    regular, irregular = arrays.tables < 0, np.flatnonzero(arrays.tables >= 0)
-    smooth = Sheets(split.faces[kept], arrays.across, np.zeros(len(split.kinds), dtype=np.int64))
-    caps = cap_nets(smooth, arrays, rings[irregular], points, irregular)
-    boxes = _boxes(arrays.across, regular, grouped=grouped)
-    tiles = [_spline(box, rings, points) for box in boxes] + _cap_tiles(caps)
-    across = _across_creases(sheets, opposite_sides(mesh.faces_of(4)), (arrays.across, kept))
-    mosaic = joined(fan_corners(across).reshape(across.shape), across, arrays.across >= 0, tiles)
-    return LimitFaces(mosaic, len(boxes), float(caps.off.max(initial=0.0)), len(kept))
-
-
-def _across_creases(sheets: Sheets, uncut: Ints, patches: tuple[Ints, Ints]) -> Ints:
-    """(n, 4) sides across the patches, those of creases, which are borders to both sides, joined.
-
-    uncut    (F, 4) sides across the faces of the control mesh, creases or not
-    patches  (n, 4) sides across the patches, and (n,) the corner of a face of the completed mesh that each one is
-    """
-    across, kept = patches
-    joined_across = across.copy()
-    free = np.flatnonzero(sheets.across.ravel() < 0)
-    n_faces = len(sheets.faces)
-    place = np.full(int(kept.max()) + 1, -1)
-    place[kept] = np.arange(len(kept))
-    number = np.full(sheets.across.size, -1)
-    number[free] = np.arange(len(free))
-    other = np.where(uncut.ravel()[free] >= 0, number[uncut.ravel()[free]], -1)
-    mine = np.flatnonzero(other >= 0)
-    its = other[mine]
-    strip = n_faces + np.arange(len(free))
-    # a strip (b, a, a', b'): its patch at a ends along side 1, that at b along side 2; the one across runs backwards
-    pairs = [(place[4 * strip[mine] + 1], 1, place[4 * strip[its]], 2)]
-    start, end = sheets.faces.ravel()[free], np.roll(sheets.faces, -1, axis=1).ravel()[free]
-    leaving = np.full(len(sheets.kinds), -1)
-    turning = np.flatnonzero(sheets.kinds[start] == VertexKind.CORNER)
-    leaving[start[turning]] = n_faces + len(free) + np.arange(len(turning))
-    corner, opposite = leaving[start[mine]], leaving[end[its]]
-    both = (corner >= 0) & (opposite >= 0)
-    pairs.append((place[4 * corner[both]], 2, place[4 * opposite[both]], 1))
-    for one, side, two, its_side in pairs:
-        joined_across[one, side], joined_across[two, its_side] = 4 * two + its_side, 4 * one + side
-    return joined_across
+    dual = doo_sabin_patches(mesh)
+    arrays, across = dual.arrays, dual.sheets.across
+    irregular = np.flatnonzero(arrays.tables >= 0)
+    points = dual.points @ mesh.vertices
+    caps = cap_nets(dual.sheets, arrays, dual.rings[irregular], points, irregular)
+    boxes = _boxes(across, arrays.tables < 0, grouped=grouped)
+    tiles = [_spline(box, dual.rings, points) for box in boxes] + _cap_tiles(caps)
+    mosaic = joined(fan_corners(dual.joined).reshape(dual.joined.shape), dual.joined, across >= 0, tiles)
+    return LimitFaces(mosaic, len(boxes), float(caps.off.max(initial=0.0)))
 
 
 def _boxes(across: Ints, regular: NDArray[np.bool_], *, grouped: bool) -> list[Rectangle]:
@@ -149,7 +111,7 @@ def _boxes(across: Ints, regular: NDArray[np.bool_], *, grouped: bool) -> list[R
 def _caps(layout: Layout, whole: Sheets, points: Floats) -> Caps:
     irregular = np.flatnonzero(~layout.regular)
     if not len(irregular):
-        return Caps(irregular, np.empty((0, 6, 6, 3)), np.empty(0))
+        return Caps(irregular, np.empty((0, 6, 6, 3)), np.empty(0), np.empty(0, dtype=bool))
     arrays = patch_arrays(CATMULL_CLARK, layout.sheets, whole)
     around = catmull_clark.regular_rings(whole, irregular)
     return cap_nets(layout.sheets, arrays, around, points, irregular)
@@ -161,7 +123,7 @@ def _cap_tiles(caps: Caps) -> list[Tile]:
     for face, net in zip(caps.faces, caps.nets):
         surface = BSplineSurface(5, 5, knots, knots, net)
         curves = (net[:, 0], net[5], net[:, 5], net[0])
-        tiles.append(Tile(np.array([[face]]), turns, surface, tuple(curves), _whole_side))
+        tiles.append(Tile(surface, _strips(np.array([[face]]), turns), curves, _whole_side))
     return tiles
 
 
@@ -201,7 +163,14 @@ def _spline(box: Rectangle, rings: Ints, points: Floats) -> Tile:
         np.einsum("j,ijx->ix", end, uniform[:, -degree:]),
         np.einsum("i,ijx->jx", end, uniform[:degree]),
     )
-    return Tile(box.faces, box.turns, surface, curves, partial(_part_of_side, degree))
+    return Tile(surface, _strips(box.faces, box.turns), curves, partial(_part_of_side, degree))
+
+
+def _strips(faces: Ints, turns: Ints) -> tuple[Strip, ...]:
+    """Along the four sides of quads (n, m) in rows; turns (n, m) the side of each that lies at the bottom."""
+    ends = (faces[0], turns[0]), (faces[:, -1], turns[:, -1]), (faces[-1], turns[-1]), (faces[:, 0], turns[:, 0])
+    # quads run around themselves, against the direction of sides 2 and 3
+    return tuple(Strip(quads, (side + turned) % 4, side < 2) for side, (quads, turned) in enumerate(ends))
 
 
 def _part_of_side(degree: int, points: Floats, start: int, end: int) -> BSplineCurve:

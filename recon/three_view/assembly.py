@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from recon.geometry.polyhedron import PlanarFace, Polyhedron
 from recon.three_view.cells import Cells, next_in_group
 from recon.three_view.fragments import Fragments
-from recon.three_view.view_graph import linked
+from recon.three_view.tables import linked
 
 __all__ = ["assemble", "labels_of"]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from recon.three_view.fragments import Fragments
 from recon.three_view.sight_lines import SightLines
-from recon.three_view.view_graph import linked
+from recon.three_view.tables import linked
 
 __all__ = ["Cells", "next_in_group", "space_cells"]
 

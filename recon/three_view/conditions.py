@@ -66,35 +66,33 @@ def conditions(
     made: Fragments,
     cells: Cells,
     sights: Sequence[SightLines],
-    hidden: Sequence[Flags | None],
+    lines: Sequence[tuple[Flags, Flags | None]],
     *,
     alternatives: bool = False,
 ) -> Conditions:
     """The clauses that a solid obeys exactly when it is drawn as given.
 
-    hidden        for each view, for each drawn edge, whether it is dashed; None when the drawing does not tell
+    lines         for each view, for each drawn edge, whether it tells anything, and whether it is dashed; None when the
+                  drawing does not tell the types apart
     alternatives  also write what each edge would demand in the other line type, and if it were not drawn
     """
     maker = _Maker(made, cells)
     maker.out.hard.append([-1])
     for edge in np.flatnonzero(made.is_cut).tolist():
         maker.out.hard += maker.no_corner(edge)
-    for view, (sight, dashed) in enumerate(zip(sights, hidden)):
+    for view, (sight, (telling, dashed)) in enumerate(zip(sights, lines)):
         rows = maker.rows(sight)
         behind = _grouped(sight.behind)
-        for s in range(_count(sight, dashed)):
+        for s, tells in enumerate(telling.tolist()):
             seen = rows.get(2 * s, []), rows.get(2 * s + 1, []), behind.get(s, [])
-            maker.out.drawn[view, s] = maker.demanded(seen, None if dashed is None else bool(dashed[s]))
+            given = None if dashed is None else bool(dashed[s])
+            maker.out.drawn[view, s] = maker.demanded(seen, given) if tells else []
             if alternatives:
                 if dashed is not None:
                     maker.out.otherwise[view, s] = maker.demanded(seen, not dashed[s])
                 flat = [maker.no_corner(edge) for edge in seen[2] if not made.is_cut[edge]]
                 maker.out.absent[view, s] = list(chain.from_iterable(flat))
     return maker.out
-
-
-def _count(sight: SightLines, dashed: Flags | None) -> int:
-    return len(dashed) if dashed is not None else int(sight.behind[:, 0].max(initial=-1)) + 1
 
 
 def _grouped(pairs: Ints) -> dict[int, list[int]]:

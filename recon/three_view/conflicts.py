@@ -53,6 +53,7 @@ class SwitchedLines:
         self.lines: dict[DrawnLine, dict[State, int]] = {}
         self.solver = Solver(name=SOLVER, bootstrap_with=[*given.hard, [given.n_variables, -given.n_variables]])
         self._n = given.n_variables
+        self._model: list[int] = []
         groups = {State.DRAWN: given.drawn, State.RETYPED: given.otherwise, State.ABSENT: given.absent}
         for view, edge in given.drawn:
             line = DrawnLine(view, int(graphs[view].sources[edge]))
@@ -75,11 +76,34 @@ class SwitchedLines:
         for clause in clauses:
             self.solver.add_clause([*clause, -states[state]])
 
-    def holds(self, lines: Iterable[DrawnLine], **others: Iterable[DrawnLine]) -> bool:
-        """Whether some solid shows lines as drawn, those of `retyped` in the other line type, those of `absent` not."""
+    def holds(
+        self,
+        lines: Iterable[DrawnLine],
+        *,
+        never: Iterable[tuple[DrawnLine, State]] = (),
+        **others: Iterable[DrawnLine],
+    ) -> bool:
+        """Whether some solid shows lines as drawn, those of `retyped` in the other line type, those of `absent` not.
+
+        never  states in which lines must not be
+        """
         states = {State.DRAWN: lines} | {State[name.upper()]: group for name, group in others.items()}
         wanted = [self.lines[line].get(state) for state, group in states.items() for line in group]
-        return None not in wanted and bool(self.solver.solve([literal for literal in wanted if literal]))
+        unwanted = [-literal for line, state in never if (literal := self.lines[line].get(state))]
+        if None in wanted or not self.solver.solve([*(literal for literal in wanted if literal), *unwanted]):
+            return False
+        self._model = self.solver.get_model()
+        return True
+
+    def left_open(self, lines: Iterable[DrawnLine]) -> None:
+        """From now on each of these lines is in one of its states at least, whichever."""
+        for line in lines:
+            self.solver.add_clause(list(self.lines[line].values()))
+
+    def state(self, line: DrawnLine) -> State:
+        """A state of a line in the solid that the last answer, a yes, found; absent when that will do."""
+        true = set(self._model)
+        return next(s for s in (State.ABSENT, State.DRAWN, State.RETYPED) if self.lines[line].get(s) in true)
 
     def core(self) -> list[DrawnLine]:
         """The lines as drawn that the last answer, a no, rests on."""

@@ -5,16 +5,18 @@ crossing becomes a vertex of its own, though one view may not show it as a point
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from recon.three_view.tables import linked
 from recon.three_view.vertices import CandidateVertices
 from recon.three_view.view_graph import ViewGraph
 
-__all__ = ["RunTable", "Wireframe", "candidate_edges", "elementary", "merge_points", "split_edges", "split_pairs"]
+__all__ = ["RunTable", "Wireframe", "candidate_edges", "elementary", "merge_points", "split_edges"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,10 +28,17 @@ class Wireframe:
 
     vertices  (n, 3)
     edges     (m, 2) vertex numbers, the smaller first; no two join the same vertices
+    runs      (m, 3) run of each view that draws the edge; -1 where the view shows a point, or nothing
     """
 
     vertices: Floats
     edges: Ints
+    runs: Ints
+
+    @classmethod
+    def undrawn(cls, vertices: Floats, edges: Ints) -> "Wireframe":
+        """Edges that no view draws."""
+        return cls(vertices, edges, np.full((len(edges), 3), -1))
 
 
 def candidate_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], snap: float) -> Wireframe:
@@ -37,21 +46,24 @@ def candidate_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], snap:
     tables = [RunTable.of(graph) for graph in graphs]
     upright = [_axis_edges(found, graphs, tables, axis) for axis in range(3)]
     slanted = _slanted_edges(found, graphs, tables, snap)
-    edges = np.concatenate([*upright, slanted])
-    return _crossings_split(Wireframe(found.positions, np.sort(edges, axis=1)), snap)
+    edges = np.sort(np.concatenate([*upright, slanted]), axis=1)
+    runs = [table.run(*found.points[edges, k].T) for k, table in enumerate(tables)]
+    return _crossings_split(Wireframe(found.positions, edges, np.column_stack(runs)), snap)
 
 
 @dataclass(frozen=True, eq=False)
 class RunTable:
     """Which runs of a view pass through a point.
 
-    level    (n, 2) run along the view's first and second axis through each point, -1 where there is none
-    slanted  sorted keys a * n + b of all pairs of points that one slanted run joins, both ways
-    members  points of each slanted run
+    level        (n, 2) run along the view's first and second axis through each point, -1 where there is none
+    slanted      sorted keys a * n + b of all pairs of points that one slanted run joins, both ways
+    slanted_run  the run that joins each pair
+    members      points of each slanted run
     """
 
     level: Ints
     slanted: Ints
+    slanted_run: Ints
     members: list[Ints]
 
     @classmethod
@@ -66,19 +78,27 @@ class RunTable:
             level[graph.edges[rows].ravel(), axis] = np.repeat(graph.runs[rows], 2)
         rows = slanted
         members = np.unique(np.column_stack([np.repeat(graph.runs[rows], 2), graph.edges[rows].ravel()]), axis=0)
-        groups = np.split(members[:, 1], np.flatnonzero(np.diff(members[:, 0])) + 1) if len(members) else []
-        keys = [(group[:, None] * n + group).ravel() for group in groups]
-        return cls(level, np.sort(np.concatenate(keys)) if keys else np.empty(0, dtype=np.int64), groups)
+        groups = np.split(members, np.flatnonzero(np.diff(members[:, 0])) + 1) if len(members) else []
+        pairs = [(group[:, 1, None] * n + group[:, 1]).ravel() for group in groups]
+        runs = [np.full(len(group) ** 2, group[0, 0]) for group in groups]
+        keys, run = (np.concatenate([np.empty(0, dtype=np.int64), *rows]) for rows in (pairs, runs))
+        order = np.argsort(keys, kind="stable")
+        return cls(level, keys[order], run[order], [group[:, 1] for group in groups])
 
-    def joined(self, a: Ints, b: Ints) -> NDArray[np.bool_]:
-        """Whether a run passes through both points, or they are one."""
-        level = (self.level[a] == self.level[b]) & (self.level[a] >= 0)
-        found = (a == b) | level.any(axis=1)
+    def run(self, a: Ints, b: Ints) -> Ints:
+        """(k,) run that passes through both points; -1 where none does, or they are one."""
+        found = np.full(len(a), -1, dtype=np.int64)
         if len(self.slanted):
             keys = a * len(self.level) + b
             slot = np.minimum(np.searchsorted(self.slanted, keys), len(self.slanted) - 1)
-            found |= self.slanted[slot] == keys
-        return np.asarray(found)
+            found = np.where(self.slanted[slot] == keys, self.slanted_run[slot], -1)
+        for level in self.level.T:
+            found = np.where((level[a] == level[b]) & (level[a] >= 0), level[a], found)
+        return np.where(a == b, -1, found)
+
+    def joined(self, a: Ints, b: Ints) -> NDArray[np.bool_]:
+        """Whether a run passes through both points, or they are one."""
+        return np.asarray((a == b) | (self.run(a, b) >= 0))
 
 
 def _axis_edges(found: CandidateVertices, graphs: Sequence[ViewGraph], tables: list[RunTable], axis: int) -> Ints:
@@ -151,7 +171,7 @@ def _crossings_split(wire: Wireframe, snap: float) -> Wireframe:
         return wire
     first, second, at = _crossing_pairs(wire.vertices, wire.edges, slanted, snap)
     vertices, number = merge_points(wire.vertices, at, snap)
-    return split_edges(Wireframe(vertices, wire.edges), np.concatenate([first, second]), np.tile(number, 2))
+    return split_edges(replace(wire, vertices=vertices), np.concatenate([first, second]), np.tile(number, 2))
 
 
 @njit(cache=True)
@@ -198,15 +218,11 @@ def _crossing_pairs(
 
 def merge_points(vertices: Floats, places: Floats, snap: float) -> tuple[Floats, Ints]:
     """Vertices with further places appended, those within `snap` of a vertex or of each other once; their numbers."""
-    from scipy.spatial import cKDTree
-
     if not len(places):
         return vertices, np.empty(0, dtype=np.int64)
     distance, number = cKDTree(vertices).query(places, distance_upper_bound=snap)
     fresh = np.flatnonzero(~np.isfinite(distance))
     if len(fresh):
-        from recon.three_view.view_graph import linked
-
         pairs = cKDTree(places[fresh]).query_pairs(snap, output_type="ndarray").astype(np.int64)
         _, first, group = np.unique(linked(pairs, len(fresh)), return_index=True, return_inverse=True)
         number[fresh] = len(vertices) + group.ravel()
@@ -216,12 +232,6 @@ def merge_points(vertices: Floats, places: Floats, snap: float) -> tuple[Floats,
 
 def split_edges(wire: Wireframe, edge: Ints, vertex: Ints) -> Wireframe:
     """The wireframe with edges cut at vertices that lie inside them; pairs (edge, vertex)."""
-    pieces, _ = split_pairs(wire, edge, vertex)
-    return Wireframe(wire.vertices, np.unique(pieces, axis=0))
-
-
-def split_pairs(wire: Wireframe, edge: Ints, vertex: Ints) -> tuple[Ints, Ints]:
-    """Pieces (k, 2) of edges cut at vertices inside them, and the edge (k,) that each was part of."""
     rows = np.arange(len(wire.edges))
     on = np.column_stack([np.concatenate([rows, rows, edge]), np.concatenate([*wire.edges.T, vertex])])
     on = np.unique(on, axis=0)
@@ -229,4 +239,7 @@ def split_pairs(wire: Wireframe, edge: Ints, vertex: Ints) -> tuple[Ints, Ints]:
     way = wire.vertices[wire.edges[on[:, 0], 1]] - start
     on = on[np.lexsort([((wire.vertices[on[:, 1]] - start) * way).sum(axis=1), on[:, 0]])]
     same = on[1:, 0] == on[:-1, 0]
-    return np.sort(np.column_stack([on[:-1, 1], on[1:, 1]])[same], axis=1), on[:-1, 0][same]
+    pieces, first = np.unique(
+        np.sort(np.column_stack([on[:-1, 1], on[1:, 1]])[same], axis=1), axis=0, return_index=True
+    )
+    return Wireframe(wire.vertices, pieces, wire.runs[on[:-1, 0][same][first]])

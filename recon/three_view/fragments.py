@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from recon.numerics.planar_regions import minimal_regions, point_in_loops
-from recon.three_view.edges import Wireframe, merge_points, split_pairs
+from recon.three_view.edges import Wireframe, merge_points, split_edges
 from recon.three_view.planes import Planes, edges_in_planes, plane_positions, sides_of
 
 __all__ = ["Fragments", "fragments"]
@@ -58,10 +58,10 @@ def fragments(wire: Wireframe, planes: Planes, snap: float) -> Fragments:
     cuts = _cuts(uses)
     if not len(cuts):
         return uses
-    cut_wire, planes = _pierced(uses, Wireframe(wire.vertices, cuts), snap)
-    edges = np.concatenate([wire.edges, cut_wire.edges])
+    cut_wire, planes = _pierced(uses, Wireframe.undrawn(wire.vertices, cuts), snap)
+    edges, runs = (np.concatenate(both) for both in ((wire.edges, cut_wire.edges), (wire.runs, cut_wire.runs)))
     is_cut = np.arange(len(edges)) >= len(wire.edges)
-    return _in_planes(Wireframe(cut_wire.vertices, edges), planes, is_cut)
+    return _in_planes(Wireframe(cut_wire.vertices, edges, runs), planes, is_cut)
 
 
 def _in_planes(wire: Wireframe, planes: Planes, is_cut: Flags) -> Fragments:
@@ -88,7 +88,7 @@ def _pruned(wire: Wireframe, planes: Planes) -> Fragments:
         keep = np.bincount(found.use_edge[bounding], minlength=len(wire.edges)) > 1
         if keep.all():
             return found
-        wire = Wireframe(wire.vertices, wire.edges[keep])
+        wire = Wireframe(wire.vertices, wire.edges[keep], wire.runs[keep])
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +146,7 @@ def _pierced(made: Fragments, wire: Wireframe, snap: float) -> tuple[Wireframe, 
     starts = np.searchsorted(of_edge, np.arange(len(wire.edges) + 1))
     for e, v in zip(edge.tolist(), number.tolist()):
         sides[v, held[starts[e] : starts[e + 1]]] = 0
-    pieces, _ = split_pairs(Wireframe(vertices, wire.edges), edge, number)
-    return Wireframe(vertices, np.unique(pieces, axis=0)), replace(planes, sides=sides)
+    return split_edges(replace(wire, vertices=vertices), edge, number), replace(planes, sides=sides)
 
 
 def _cuts(made: Fragments) -> Ints:

@@ -16,19 +16,22 @@ from numpy.typing import NDArray
 from recon.geometry.polyhedron import Polyhedron
 from recon.geometry.views import PROJECTIONS, DrawnView, Projection, ThreeViews
 from recon.numerics.planar_regions import point_in_loops
-from recon.three_view.view_graph import ViewGraph, linked, view_graphs
+from recon.three_view.tables import linked
+from recon.three_view.view_graph import ViewGraph, view_graphs
 
-__all__ = ["draw"]
+__all__ = ["LooseFaces", "draw", "hidden_pieces", "projected"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 MIDDLE = 0.4713  # near the middle of a piece, off every symmetry
+FINE = 1e-7  # of the solid's size: points of a view that lie closer are one
+ASIDE = (4.0, 0.02)
 
 
 @dataclass(frozen=True, eq=False)
-class _Faces:
+class LooseFaces:
     """Faces as loose sides.
 
     sides    (h, 2, 3) start and end of each side
@@ -43,7 +46,7 @@ class _Faces:
     offsets: Floats
 
     @classmethod
-    def of(cls, solid: Polyhedron) -> "_Faces":
+    def of(cls, solid: Polyhedron) -> "LooseFaces":
         sides, face = [], []
         for number, planar in enumerate(solid.faces):
             for loop in planar.loops:
@@ -59,41 +62,53 @@ class _Faces:
         offsets = np.bincount(owner, heights) / np.bincount(owner)
         return cls(joined, owner, normals, offsets)
 
+    def reach(self) -> float:
+        """Longest side of the box around the faces."""
+        return float(np.ptp(self.sides.reshape(-1, 3), axis=0).max())
 
-def draw(solid: Polyhedron, snap: float | None = None, *, aside: tuple[float, float] = (4.0, 0.02)) -> ThreeViews:
+
+def draw(solid: Polyhedron) -> ThreeViews:
     """The three views of a polyhedron.
 
-    snap      length below which points of a view are one; 1e-7 of the solid's size when None
-    aside     how far beside a piece of a line one looks, in snaps, and at most, as a share of the piece's length
     Promises  every edge appears in each view that does not look along it, once; where lines of both types lie over each
               other the one drawn through stays.
     """
-    faces = _Faces.of(solid)
-    reach = float(np.ptp(solid.vertices, axis=0).max())
-    snap = 1e-7 * reach if snap is None else snap
-    views = [_projected(faces, projection, snap) for projection in PROJECTIONS]
-    _, graphs = view_graphs(ThreeViews(*views), snap)
-    return ThreeViews(*(_with_line_types(faces, graph, snap, aside) for graph in graphs))
+    faces, graphs = projected(solid)
+    return ThreeViews(*(_with_line_types(faces, graph) for graph in graphs))
 
 
-def _projected(faces: _Faces, projection: Projection, snap: float) -> DrawnView:
+def projected(solid: Polyhedron) -> tuple[LooseFaces, list[ViewGraph]]:
+    """Faces of a polyhedron, and its edges in each view, cut where they meet and cross, of no line type yet."""
+    faces = LooseFaces.of(solid)
+    fine = FINE * faces.reach()
+    _, graphs = view_graphs(ThreeViews(*(_flat(faces, projection, fine) for projection in PROJECTIONS)), fine)
+    return faces, graphs
+
+
+def _flat(faces: LooseFaces, projection: Projection, fine: float) -> DrawnView:
     flat = faces.sides[:, :, projection.axes]
-    flat = flat[np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1) > snap]
+    flat = flat[np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1) > fine]
     flat = np.unique(np.where((flat[:, :1] <= flat[:, 1:]).all(axis=2)[:, :, None], flat, flat[:, ::-1]), axis=0)
     return DrawnView(flat, np.zeros(len(flat), dtype=bool))
 
 
-def _with_line_types(faces: _Faces, graph: ViewGraph, snap: float, beside: tuple[float, float]) -> DrawnView:
-    way = graph.directions()
+def hidden_pieces(
+    faces: LooseFaces, projection: Projection, pieces: Floats, *, snap: float, aside: tuple[float, float] = ASIDE
+) -> Flags:
+    """(m,) whether each piece (m, 2, 2) of a projected edge is dashed.
+
+    snap   faces are of one plane that are so to a few snaps
+    aside  how far beside a piece one looks, in snaps, and at most, as a share of the piece's length
+    """
+    way = pieces[:, 1] - pieces[:, 0]
     length = np.linalg.norm(way, axis=1)
-    look = graph.positions[graph.edges[:, 0]] + MIDDLE * way
-    aside = np.column_stack([-way[:, 1], way[:, 0]]) * np.minimum(beside[0] * snap / length, beside[1])[:, None]
-    left, right = (_nearest(faces, look + offset, graph.projection) for offset in (aside, -aside))
-    hidden = _same_plane(faces, left, right, snap)
-    return _joined(graph, hidden)
+    look = pieces[:, 0] + MIDDLE * way
+    step = np.column_stack([-way[:, 1], way[:, 0]]) * np.minimum(aside[0] * snap / length, aside[1])[:, None]
+    left, right = (_nearest(faces, look + offset, projection) for offset in (step, -step))
+    return _same_plane(faces, left, right, snap)
 
 
-def _nearest(faces: _Faces, look: Floats, projection: Projection) -> Ints:
+def _nearest(faces: LooseFaces, look: Floats, projection: Projection) -> Ints:
     """Face nearest to the viewer at each point of a view, -1 for the background."""
     tilt = faces.normals[:, projection.depth] * projection.toward
     sides = np.ascontiguousarray(faces.sides[:, :, projection.axes].reshape(-1, 4))
@@ -123,13 +138,18 @@ def _first_met(
     return nearest
 
 
-def _same_plane(faces: _Faces, left: Ints, right: Ints, snap: float) -> Flags:
+def _same_plane(faces: LooseFaces, left: Ints, right: Ints, snap: float) -> Flags:
     turn = np.linalg.norm(faces.normals[left] - faces.normals[right], axis=1)
     step = np.abs(faces.offsets[left] - faces.offsets[right])
     reach = float(np.abs(faces.sides).max())
     both = (left >= 0) & (right >= 0)
     near = (turn <= 1e-6 + 10 * snap / reach) & (step <= 10 * snap + 1e-9 * reach)
     return np.asarray((left == right) | (both & near))
+
+
+def _with_line_types(faces: LooseFaces, graph: ViewGraph) -> DrawnView:
+    pieces = graph.positions[graph.edges]
+    return _joined(graph, hidden_pieces(faces, graph.projection, pieces, snap=FINE * faces.reach()))
 
 
 def _joined(graph: ViewGraph, hidden: Flags) -> DrawnView:

@@ -7,8 +7,10 @@ Cells that no clause links, once the forced ones are known, are chosen independe
     all else                           forced     /
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import cycle, islice
 from math import prod
 
 import numpy as np
@@ -17,7 +19,7 @@ from pysat.solvers import Solver
 
 from recon.three_view.conditions import Clause, Conditions
 from recon.three_view.counting import exact_count
-from recon.three_view.view_graph import linked
+from recon.three_view.tables import linked
 
 __all__ = ["FreeChoice", "Labelings", "consistent_labelings", "is_consistent"]
 
@@ -27,7 +29,10 @@ Ints = NDArray[np.int64]
 SOLVER = "glucose4"  # the fastest of those whose guesses can be steered
 EFFORT = 200_000  # literals of listed options, beyond which a choice is only counted
 LEAST = 100
-STARTS, STEPS = 4, 200  # where the search for the simplest of very many begins, and how far it goes
+STARTS, STEPS = 4, 200  # where the search for a simple solid among very many begins, and how far it goes
+FLIPS = 1000  # cells tried the other way after that
+
+Cost = Callable[[Flags], Ints]
 
 
 @dataclass(frozen=True)
@@ -108,11 +113,12 @@ def is_consistent(given: Conditions) -> bool:
 
 
 def consistent_labelings(
-    given: Conditions, walls: Ints, *, limit: int = 100_000, seconds: float = 0.0
+    given: Conditions, walls: Ints, cost: Cost, *, limit: int = 100_000, seconds: float = 0.0
 ) -> Labelings | None:
     """All labelings that keep the conditions; None when there is none.
 
     walls    (f, 2) cells on the two sides of every fragment
+    cost     of solids, each a row of (k, n_cells) flags, rows of figures: less is simpler, the first figure first
     limit    options listed for one free choice; fewer where a choice has many cells
     seconds  time for counting the options of a choice that has more
     """
@@ -125,7 +131,7 @@ def consistent_labelings(
         value = _forced(solver, given)
     rest = _open_clauses(clauses, value)
     forced = frozenset(v - 1 for v in range(1, given.n_cells + 1) if value[v] > 0)
-    choices = _free_choices(rest, given, value, (walls, limit, seconds))
+    choices = _free_choices(rest, given, value, (walls, cost, limit, seconds))
     return Labelings(given.n_cells, forced, tuple(choices))
 
 
@@ -159,7 +165,7 @@ def _open_clauses(clauses: Sequence[Clause], value: Sequence[int]) -> list[Claus
 
 
 def _free_choices(
-    clauses: Sequence[Clause], given: Conditions, value: Sequence[int], asked: tuple[Ints, int, float]
+    clauses: Sequence[Clause], given: Conditions, value: Sequence[int], asked: tuple[Ints, Cost, int, float]
 ) -> Iterator[FreeChoice]:
     pairs = np.array([(abs(c[0]), abs(x)) for c in clauses for x in c[1:]], dtype=np.int64).reshape(-1, 2)
     group = linked(pairs, given.n_variables + 1)
@@ -170,10 +176,11 @@ def _free_choices(
     own: dict[int, list[Clause]] = {part: [] for part in members}
     for clause in clauses:
         own.get(int(group[abs(clause[0])]), []).append(clause)
-    walls, limit, seconds = asked
+    walls, cost, limit, seconds = asked
+    known = np.array(value[1 : given.n_cells + 1])
     for part, cells in members.items():
-        known = np.array(value[1 : given.n_cells + 1])
-        yield _free_choice(own[part], cells, _Walls.of(walls, known, cells), limit, seconds)
+        simplicity = _Walls.of(walls, known, cells), partial(_cost_beside, cost, known > 0, np.array(cells) - 1)
+        yield _free_choice(own[part], cells, simplicity, limit, seconds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,8 +207,19 @@ class _Walls:
         return cls(both, sorted(set(before)))
 
 
+def _cost_beside(cost: Cost, solid: Flags, cells: Ints, model: Sequence[int]) -> tuple[int, ...]:
+    """Cost of a choice's model, all other choices left empty."""
+    flags = solid.copy()
+    flags[cells] = np.array(model[: len(cells)]) > 0
+    return tuple(cost(flags[None])[0].tolist())
+
+
 def _free_choice(
-    clauses: Sequence[Clause], cells: Sequence[int], walls: _Walls, limit: int, seconds: float
+    clauses: Sequence[Clause],
+    cells: Sequence[int],
+    simplicity: tuple[_Walls, Callable[[Sequence[int]], tuple[int, ...]]],
+    limit: int,
+    seconds: float,
 ) -> FreeChoice:
     # members first, so that a model begins with them
     names = dict.fromkeys([*cells, *(abs(x) for clause in clauses for x in clause)])
@@ -209,7 +227,9 @@ def _free_choice(
     renamed = [[number[abs(x)] * (1 if x > 0 else -1) for x in clause] for clause in clauses]
     models, complete = _models(renamed, len(cells), min(limit, max(LEAST, EFFORT // len(cells))))
     if not complete:
-        models = _simplest(renamed, walls, models) + models
+        walls, cost = simplicity
+        models = _fewest_walls(renamed, walls, models) + models
+        models = [_simplest(renamed, cost, models), *models]
     options = tuple(dict.fromkeys(frozenset(cells[x - 1] - 1 for x in model if x > 0) for model in models))
     count = None if complete or not seconds else exact_count(renamed, len(cells), seconds=seconds)
     return FreeChoice(tuple(v - 1 for v in cells), options, count or len(options), complete or count is not None)
@@ -229,7 +249,7 @@ def _models(clauses: Sequence[Clause], n: int, limit: int) -> tuple[list[list[in
     return found, True
 
 
-def _simplest(clauses: Sequence[Clause], walls: _Walls, models: Sequence[list[int]]) -> list[list[int]]:
+def _fewest_walls(clauses: Sequence[Clause], walls: _Walls, models: Sequence[list[int]]) -> list[list[int]]:
     """From some of many models down to such that no other has the same fragments but for some left out."""
     n = len(models[0])
     top = max(n, *(abs(x) for clause in clauses for x in clause))
@@ -254,3 +274,25 @@ def _simplest(clauses: Sequence[Clause], walls: _Walls, models: Sequence[list[in
                     break
             found.append([x for x in sorted(true, key=abs) if abs(x) <= n])
     return found
+
+
+def _simplest(
+    clauses: Sequence[Clause], cost: Callable[[Sequence[int]], tuple[int, ...]], models: Sequence[list[int]]
+) -> list[int]:
+    """From the simplest of the first models on, cell by cell, to the nearest model that is simpler."""
+    n = len(models[0])
+    best = min(models[:LEAST], key=cost)
+    least, unchanged = cost(best), 0
+    with Solver(name=SOLVER, bootstrap_with=clauses) as solver:
+        solver.solve(assumptions=best)
+        model = solver.get_model()
+        for k in islice(cycle(range(n)), FLIPS):
+            solver.set_phases(model)  # so that little else changes
+            unchanged += 1
+            if solver.solve(assumptions=[-model[k]]):
+                other = solver.get_model()
+                if cost(other) < least:
+                    least, model, unchanged = cost(other), other, 0
+            if unchanged == n:
+                break
+    return list(model[:n])

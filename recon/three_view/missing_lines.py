@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+PARALLEL = 1e-3  # radians
 MOST = 1200  # vertices that two views support, beyond which no pairs are tried
 
 
@@ -42,12 +43,21 @@ def missing_lines(values: Sequence[Floats], graphs: Sequence[ViewGraph], lacking
     corner = cKDTree(view.positions).query(flat)[0] <= 2 * snap
     slanted = np.any([_meets_slanted(graph)[shown] for graph, shown in zip(others, points.T)], axis=0)
     # In a plane across the sight any two vertices are joined. Of slanted lines those are likely that run between points
-    # of the view, or go on as slanted lines in another view.
+    # of the view, or along another line of it, or go on as slanted lines in another view.
     likely = (gap <= snap).any(axis=1) | (corner[i] & corner[j]) | (slanted[i] & slanted[j])
+    likely |= _parallel_to_some(flat[j] - flat[i], view.directions())
     likely &= (gap > snap).any(axis=1)
     pairs = np.column_stack([i, j])[likely]
     pairs = pairs[elementary(at, pairs, snap)] if len(pairs) else pairs
     return _each_once(flat[pairs])
+
+
+def _parallel_to_some(ways: Floats, given: Floats) -> Flags:
+    """(n,) whether directions (n, 2) are those of lines of the view, (m, 2)."""
+    known, wanted = (np.arctan2(way[:, 1], way[:, 0]) % np.pi for way in (given, ways))
+    known = np.sort(np.concatenate([known - np.pi, known, known + np.pi]))
+    slot = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
+    return np.asarray(np.minimum(np.abs(known[slot] - wanted), np.abs(known[slot - 1] - wanted)) <= PARALLEL)
 
 
 def _meets_slanted(graph: ViewGraph) -> Flags:
@@ -70,7 +80,7 @@ def _each_once(segments: Floats) -> Floats:
 def _vertices(others: Sequence[ViewGraph], view: ViewGraph) -> tuple[Ints, Ints]:
     """Coordinate numbers (n, 3) on which corners of the two other views agree, and the points (n, 2) that show them."""
     depth = view.projection.depth
-    shown = [np.flatnonzero(graph.corners()) for graph in others]
+    shown = [np.flatnonzero(graph.corners) for graph in others]
     column = [graph.projection.axes.index(depth) for graph in others]
     first, second = (graph.points[rows, c] for graph, rows, c in zip(others, shown, column))
     a, b = np.nonzero(first[:, None] == second)

@@ -10,6 +10,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -26,10 +27,10 @@ from recon.three_view.edges import candidate_edges
 from recon.three_view.fragments import Fragments, fragments
 from recon.three_view.labeling import Labelings, consistent_labelings, is_consistent
 from recon.three_view.planes import candidate_planes
-from recon.three_view.plausibility import ranked
+from recon.three_view.plausibility import plausibility, ranked
 from recon.three_view.repairs import Repair, likely_repairs, repaired
 from recon.three_view.sight_lines import sight_lines
-from recon.three_view.snapping import snap_lengths
+from recon.three_view.snapping import snap_lengths, unequal_spans
 from recon.three_view.verification import Difference, differences
 from recon.three_view.vertices import candidate_vertices
 from recon.three_view.view_graph import ViewGraph, view_graphs
@@ -144,8 +145,10 @@ def interpret(
         doing("dividing space")
         arranged = arrange(drawing, snap, line_types=options.line_types)
         doing("choosing solid cells")
-        walls = arranged.cells.of_side
-        labelings = consistent_labelings(arranged.conditions, walls, limit=options.limit, seconds=options.seconds)
+        cost = partial(plausibility, arranged.fragments, arranged.cells)
+        labelings = consistent_labelings(
+            arranged.conditions, arranged.cells.of_side, cost, limit=options.limit, seconds=options.seconds
+        )
         if labelings is not None:
             doing("ranking the solids")
             order = ranked(arranged.fragments, arranged.cells, labelings)
@@ -159,10 +162,12 @@ class Diagnosis:
 
     conflict  lines that contradict each other, none to spare
     repairs   single changes after which there is a solid, the most likely first
+    spans     in words, axes along which two views do not reach equally far
     """
 
     conflict: tuple[DrawnLine, ...]
     repairs: tuple[Repair, ...]
+    spans: tuple[str, ...] = ()
 
 
 def diagnose(drawing: ThreeViews, options: ViewsOptions | None = None, *, limit: int = 3) -> Diagnosis:
@@ -179,7 +184,7 @@ def diagnose(drawing: ThreeViews, options: ViewsOptions | None = None, *, limit:
         return Diagnosis((), ())
     tried = islice(likely_repairs(drawing, conflict, snap, ask), TRIED)
     repairs = islice((repair for repair in tried if _mends(drawing, repair, snap, options)), limit)
-    return Diagnosis(tuple(conflict), tuple(repairs))
+    return Diagnosis(tuple(conflict), tuple(repairs), tuple(unequal_spans(drawing, snap)))
 
 
 def _mends(drawing: ThreeViews, repair: Repair, snap: float, options: ViewsOptions) -> bool:
@@ -198,5 +203,5 @@ def arrange(drawing: ThreeViews, snap: float, *, line_types: bool = True, altern
     made = fragments(wire, candidate_planes(wire, snap), snap)
     sights = sight_lines(made, graphs, snap)
     cells = space_cells(made, sights)
-    hidden = [graph.hidden if line_types else None for graph in graphs]
-    return Arrangement(graphs, made, cells, conditions(made, cells, sights, hidden, alternatives=alternatives))
+    lines = [(graph.telling(snap), graph.hidden if line_types else None) for graph in graphs]
+    return Arrangement(graphs, made, cells, conditions(made, cells, sights, lines, alternatives=alternatives))

@@ -1,8 +1,8 @@
 """Candidate planes: those of two candidate edges that meet at a vertex (paper, 4.3: a face's edges lie in a plane).
 
 Planes across a coordinate axis are told apart by their coordinate, exactly. A slanted plane comes from the widest pair
-of edges that spans it; every vertex within `snap` of it lies on it from then on, and pairs of edges whose three
-vertices do are not asked again.
+of edges that spans it. Every vertex within two snaps of it lies on it from then on, since the vertex has moved by one
+and the plane by another; pairs of edges whose three vertices do are not asked again.
 """
 
 from dataclasses import dataclass
@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.three_view.edges import Wireframe
+from recon.three_view.runs import SLACK
+from recon.three_view.tables import ranges
 
 __all__ = ["Planes", "candidate_planes", "edges_in_planes", "plane_positions", "sides_of"]
 
@@ -39,20 +41,17 @@ class Planes:
 
 
 def sides_of(points: Floats, normals: Floats, offsets: Floats, snap: float) -> NDArray[np.int8]:
-    """(n, p) side of each plane that each point is on, 0 within `snap`; across an axis only equal coordinates."""
+    """(n, p) side of each plane that each point is on, 0 within two snaps; across an axis only equal coordinates."""
     height = points @ normals.T - offsets
-    reach = np.where((np.abs(normals) == 1).any(axis=1), snap * 1e-6, snap)
+    reach = np.where((np.abs(normals) == 1).any(axis=1), snap * 1e-6, SLACK * snap)
     return np.asarray(np.where(np.abs(height) <= reach, 0, np.sign(height)), dtype=np.int8)
 
 
 def edges_in_planes(edges: Ints, sides: NDArray[np.int8]) -> tuple[Ints, Ints]:
     """All pairs (edge, plane) where both ends of the edge lie on the plane, by edge."""
     vertex, plane = np.nonzero(sides == 0)
-    starts = np.searchsorted(vertex, np.arange(len(sides) + 1))
-    count = np.diff(starts)[edges[:, 0]]
-    edge = np.repeat(np.arange(len(edges)), count)
-    within = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
-    plane = plane[np.repeat(starts[edges[:, 0]], count) + within]
+    edge, slot = ranges(*np.searchsorted(vertex, [edges[:, 0], edges[:, 0] + 1]))
+    plane = plane[slot]
     both = sides[edges[edge, 1], plane] == 0
     return edge[both], plane[both]
 
@@ -111,11 +110,11 @@ def _slanted_planes(x: Floats, triples: Ints, snap: float) -> tuple[Floats, Floa
         a, b, c = x[triples[0]]
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal)
-        on = np.abs(x @ normal - normal @ a) <= snap
+        on = np.abs(x @ normal - normal @ a) <= SLACK * snap
         refined = _fitted(x[on], normal)
         normals.append(refined[0][None])
         offsets.append(np.array([refined[1]]))
-        on |= np.abs(x @ refined[0] - refined[1]) <= snap
+        on |= np.abs(x @ refined[0] - refined[1]) <= SLACK * snap
         on[triples[0]] = True
         triples = triples[~on[triples].all(axis=1)]
     return np.concatenate(normals), np.concatenate(offsets)

@@ -163,26 +163,29 @@ def _by_weight(additions: Iterator[Repair]) -> list[Repair]:
     return sorted(additions, key=weight)
 
 
+def _with_dashed(drawing: ThreeViews, view: int, segments: Floats) -> ThreeViews:
+    """The drawing with dashed segments (n, 2, 2) after those that a view has."""
+    views = [drawn for _, drawn in drawing]
+    hidden = np.concatenate([views[view].hidden, np.ones(len(segments), dtype=bool)])
+    views[view] = DrawnView(np.concatenate([views[view].segments, segments]), hidden)
+    return ThreeViews(*views)
+
+
 class _Fuller:
-    """A drawing, one view of which has got every line that it may lack."""
+    """A drawing, one view of which has got every line that it may lack, in pieces that are there or not one by one."""
 
     def __init__(self, drawing: ThreeViews, view: int, snap: float, ask: Callable[[ThreeViews], Asked]) -> None:
         self._view = view
-        values, graphs = view_graphs(drawing, snap)
-        candidates = missing_lines(values, graphs, view, snap)
-        views = [drawn for _, drawn in drawing]
-        self._n = views[view].n_segments
-        own = views[view]
-        views[view] = DrawnView(
-            np.concatenate([own.segments, candidates]),
-            np.concatenate([own.hidden, np.ones(len(candidates), dtype=bool)]),
-        )
-        self._drawing = ThreeViews(*views)
+        self._n = [drawn for _, drawn in drawing][view].n_segments
+        whole = missing_lines(*view_graphs(drawing, snap), view, snap)
+        graph = view_graphs(_with_dashed(drawing, view, whole), snap)[1][view]
+        self._drawing = _with_dashed(drawing, view, graph.positions[graph.edges[graph.sources >= self._n]])
         conditions, self._graphs = ask(self._drawing)
         self._switched = SwitchedLines(conditions, self._graphs)
         self._given = [line for line in self._switched.lines if not self._is_spare(line)]
         self._groups = self._spare_by_run()
         self._spare = [line for group in self._groups for line in group]
+        self._switched.left_open(self._spare)
 
     def close(self) -> None:
         self._switched.solver.delete()
@@ -202,7 +205,7 @@ class _Fuller:
     def added(self) -> Iterator[Repair]:
         """One line more."""
         if self._switched.holds(self._given):
-            for strokes in self._found(self._given, (), (False, True)):
+            for strokes in self._found(self._given, (), None):
                 yield Repair(Change.ADDED, self._view, None, strokes)
 
     def moved(self) -> Iterator[Repair]:
@@ -213,45 +216,44 @@ class _Fuller:
             rest = [other for other in self._given if other != line]
             if self._switched.holds(rest, absent=[line]):
                 hidden = bool([view for _, view in self._drawing][self._view].hidden[line.segment])
-                for strokes in self._found(rest, (line,), (hidden,)):
+                for strokes in self._found(rest, (line,), State.RETYPED if hidden else State.DRAWN):
                     if len(strokes) == 1:
                         yield Repair(Change.MOVED, self._view, line, strokes)
 
     def _found(
-        self, drawn: Sequence[DrawnLine], absent: Sequence[DrawnLine], types: Sequence[bool]
+        self, drawn: Sequence[DrawnLine], absent: Sequence[DrawnLine], never: State | None
     ) -> Iterator[tuple[Stroke, ...]]:
-        """Lines to spare, along one run each and none of them too much, that some solid shows besides what is drawn."""
+        """Lines to spare, along one run each and none of them too much, that some solid shows besides what is drawn.
+
+        never  a state, drawn is dashed, that none of them may have
+        """
         for group in self._groups:
-            others = [line for line in self._spare if line not in group]
-            for hidden in types:
-                on = list(group)
-                if not self._shows(drawn, (*absent, *others), on, hidden):
-                    on = self._largest(drawn, (*absent, *others), on, hidden)
-                for line in list(on):
-                    fewer = [other for other in on if other != line]
-                    off = [other for other in group if other not in fewer]
-                    if fewer and self._shows(drawn, (*absent, *others, *off), fewer, hidden):
-                        on = fewer
-                if on:
-                    yield self._strokes(on, hidden)
+            barred = [(line, never) for line in group] if never else []
+            off = [*absent, *(line for line in self._spare if line not in group)]
+            if not self._switched.holds(drawn, absent=off, never=barred):
+                continue
+            on = self._states(group)
+            for line in group:
+                if line in on and self._switched.holds(drawn, absent=[*off, line], never=barred):
+                    off.append(line)
+                    on = self._states(group)
+            if on:
+                types = ((State.DRAWN, True), (State.RETYPED, False))
+                yield tuple(
+                    stroke
+                    for state, hidden in types
+                    for stroke in self._strokes([line for line in group if on.get(line) is state], hidden)
+                )
 
-    def _largest(
-        self, drawn: Sequence[DrawnLine], absent: Sequence[DrawnLine], group: Sequence[DrawnLine], hidden: bool
-    ) -> list[DrawnLine]:
-        """A single line of a group that will do where the whole group is too much; empty when none does."""
-        for line in group:
-            off = [other for other in group if other != line]
-            if self._shows(drawn, (*absent, *off), [line], hidden):
-                return [line]
-        return []
-
-    def _shows(
-        self, drawn: Sequence[DrawnLine], absent: Sequence[DrawnLine], on: Sequence[DrawnLine], hidden: bool
-    ) -> bool:
-        return self._switched.holds([*drawn, *on] if hidden else drawn, retyped=[] if hidden else on, absent=absent)
+    def _states(self, group: Sequence[DrawnLine]) -> dict[DrawnLine, State]:
+        """The lines of a group that the solid found last shows, and how."""
+        states = {line: self._switched.state(line) for line in group}
+        return {line: state for line, state in states.items() if state is not State.ABSENT}
 
     def _strokes(self, lines: Sequence[DrawnLine], hidden: bool) -> tuple[Stroke, ...]:
         """Lines of one run, joined where they touch."""
+        if not lines:
+            return ()
         graph = self._graphs[self._view]
         rows = np.isin(graph.sources, [line.segment for line in lines])
         ends = graph.positions[graph.edges[rows]]

@@ -14,9 +14,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.geometry.views import Projection
+from recon.geometry.views import PROJECTIONS, Projection
 from recon.numerics.planar_regions import point_in_loops
 from recon.three_view.fragments import Fragments
+from recon.three_view.tables import ranges
 from recon.three_view.view_graph import ViewGraph
 
 __all__ = ["SightLines", "sight_lines"]
@@ -56,7 +57,9 @@ def _in_view(made: Fragments, graph: ViewGraph, snap: float) -> SightLines:
     look = graph.positions[graph.edges[:, 0]] + LOOK_AT * graph.directions()
     shown = made.wire.vertices[:, projection.axes]
     ends = np.ascontiguousarray(shown[made.wire.edges].reshape(-1, 4))
-    behind, share = _over(look, graph.directions(), ends, snap)
+    behind, share = _drawn_over(made, graph, look, ends)
+    cuts, cut_share = _cuts_over(made, graph, look, ends, snap)
+    behind, share = np.concatenate([behind, cuts]), np.concatenate([share, cut_share])
     outlines = _flat_outlines(made, ends, snap)
     tilt = made.planes.normals[made.plane, projection.depth] * projection.toward
     edge_on = outlines[3] | (np.abs(tilt) < 1e-6)
@@ -76,6 +79,28 @@ def _in_view(made: Fragments, graph: ViewGraph, snap: float) -> SightLines:
     order = _nearest_first(beside, table[:, 3], table[:, 4], snap)
     fragment = table[order, 2].astype(np.int64)
     return SightLines(beside[order], fragment, tilt[fragment] > 0, behind)
+
+
+def _drawn_over(made: Fragments, graph: ViewGraph, look: Floats, ends: Floats) -> tuple[Ints, Floats]:
+    """Pairs of a drawn edge and an edge of space in its run, over it, and how far along the latter one looks.
+
+    Told by the runs, not by distance: another line may be drawn so near that both would do.
+    """
+    run = made.wire.runs[:, PROJECTIONS.index(graph.projection)]
+    order = np.argsort(run, kind="stable")
+    drawn, slot = ranges(*np.searchsorted(run[order], [graph.runs, graph.runs + 1]))
+    edge = order[slot]
+    start, way = ends[edge, :2], ends[edge, 2:] - ends[edge, :2]
+    share = ((look[drawn] - start) * way).sum(axis=1) / (way**2).sum(axis=1)
+    over = (share > 0) & (share < 1)
+    return np.column_stack([drawn, edge])[over], share[over]
+
+
+def _cuts_over(made: Fragments, graph: ViewGraph, look: Floats, ends: Floats, snap: float) -> tuple[Ints, Floats]:
+    """The same pairs and shares for cuts, which belong to no run."""
+    cuts = np.flatnonzero(made.is_cut)
+    pairs, share = _over(look, graph.directions(), ends[cuts], snap)
+    return np.column_stack([pairs[:, 0], cuts[pairs[:, 1]]]), share
 
 
 def _nearest_first(beside: Ints, height: Floats, slope: Floats, snap: float) -> Ints:
@@ -114,11 +139,7 @@ def _ending_at(
     """Rows (drawn edge, fragment, 0 left or 1 right, height, slope) of fragments that end over a drawn edge."""
     behind, share, ends = over
     edge_on, tilt, projection = seen
-    starts = np.searchsorted(made.use_edge, np.arange(len(made.wire.edges) + 1))
-    count = np.diff(starts)[behind[:, 1]]
-    row = np.repeat(np.arange(len(behind)), count)
-    within = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    use = starts[behind[row, 1]] + within
+    row, use = ranges(*np.searchsorted(made.use_edge, [behind[:, 1], behind[:, 1] + 1]))
     drawn, edge = behind[row].T
     way = ends[:, 2:] - ends[:, :2]
     along = (way[edge] * graph.directions()[drawn]).sum(axis=1) > 0
@@ -152,7 +173,7 @@ def _slopes(made: Fragments, graph: ViewGraph, pairs: Ints, projection: Projecti
 
 @njit(cache=True)
 def _over(look: Floats, way: Floats, ends: Floats, snap: float) -> tuple[Ints, Floats]:  # pragma: no cover - compiled
-    """Pairs of a drawn edge and an edge that projects on the point looked at, and how far along the latter that is."""
+    """Pairs of a drawn edge and an edge that passes where one looks, and how far along the latter that is."""
     drawn, edge, share = [0 for _ in range(0)], [0 for _ in range(0)], [0.0 for _ in range(0)]
     for s in range(len(look)):
         x, y = look[s]

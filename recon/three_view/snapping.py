@@ -9,16 +9,18 @@ side. A coordinate that only one of its two views has is off by a draughtsman's 
 The finest of a few lengths is taken at which about as many coordinates are shared as at any of them.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry.views import ThreeViews
 
-__all__ = ["shared_coordinates", "snap_lengths"]
+__all__ = ["shared_coordinates", "snap_lengths", "unequal_spans"]
 
 Floats = NDArray[np.float64]
 
-LEVELS = (3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)  # of the drawing's size
+LEVELS = tuple(3e-6 * 2.0**k for k in range(9))  # of the drawing's size; its least features may be a few errors long
 SPARE = 0.1  # share of the coordinates; too fine a length finds no solid, and the next one is tried
 
 
@@ -41,3 +43,19 @@ def shared_coordinates(drawing: ThreeViews, snap: float) -> float:
             near += int((away <= snap).sum())
             total += len(wanted)
     return near / total
+
+
+def unequal_spans(drawing: ThreeViews, snap: float) -> Iterator[str]:
+    """In words, each axis along which the two views that show it begin or end more than two snaps apart."""
+    for axis, name in enumerate("xyz"):
+        spans = []
+        for projection, view in drawing:
+            if axis in projection.axes:
+                values = view.segments[:, :, projection.axes.index(axis)]
+                spans.append((projection.name, float(values.min()), float(values.max())))
+        (one, low, high), (other, least, most) = spans
+        if max(abs(low - least), abs(high - most)) > 2 * snap:
+            yield (
+                f"{name} runs from {low:.6g} to {high:.6g} in the {one} view,"
+                f" from {least:.6g} to {most:.6g} in the {other} view"
+            )

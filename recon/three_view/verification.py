@@ -1,29 +1,31 @@
-"""Proof of a solution: it is drawn again, and compared with the drawing segment by segment (paper, end of METHODS 4).
+"""Proof of a solution: it is drawn again, and compared with the drawing line by line (paper, end of METHODS 4).
 
-given     ------+- - - -          at a point of every piece of either drawing both must show the same:
-again     ------+-------          nothing, a line drawn through, or a dashed line
+given     ------+- - - -          wherever one of the drawings shows a line, the other must show one of the same type,
+again     ------+-------          a few snaps away at most; a dashed line may lie under one drawn through
                    ^ differs
+
+The solid is drawn as exactly as it is made, and only the comparison has a tolerance: lines that lie over each other in
+the drawing are a hair apart in a solid that was made of it, and cutting them at each other would move them.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry.polyhedron import Polyhedron
 from recon.geometry.views import ThreeViews
-from recon.three_view.hidden_lines import draw
-from recon.three_view.view_graph import ViewGraph, view_graphs
+from recon.three_view.hidden_lines import hidden_pieces, projected
+from recon.three_view.stretches import SAME, cut_beside, lone_stretches
 
 BESIDE = ((4.0, 0.02), (1.0, 0.02), (1.0, 0.5), (4.0, 0.5))  # how far beside a line one looks what is nearest
-SLACK = 3.0  # snaps that a line may be off: the ends of both have moved
 
 __all__ = ["Difference", "Line", "differences"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 
 class Line(StrEnum):
@@ -49,21 +51,23 @@ class Difference:
     given: Line
     again: Line
 
-    def overlaps(self, other: "Difference") -> bool:
-        """Whether both tell of the same place: the middle of one lies within the box around the other."""
-        if (self.view, self.given) != (other.view, other.given):
-            return False
-        one, two = np.array(self.ends), np.array(other.ends)
-        return any(
-            bool(((middle >= box.min(axis=0) - 1e-9) & (middle <= box.max(axis=0) + 1e-9)).all())
-            for middle, box in ((one.mean(axis=0), two), (two.mean(axis=0), one))
-        )
-
     def __str__(self) -> str:
         (a, b), (c, d) = self.ends
         return (
             f"{self.view}: {self.given} from ({a:.4g}, {b:.4g}) to ({c:.4g}, {d:.4g}), where the solid has {self.again}"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """Lines of a view, (n, 2, 2) each: those drawn through, those dashed, and those that may be either."""
+
+    visible: Floats
+    hidden: Floats
+    either: Floats
+
+    def all(self) -> Floats:
+        return np.concatenate([self.visible, self.hidden, self.either])
 
 
 def differences(drawing: ThreeViews, solid: Polyhedron, snap: float, *, line_types: bool = True) -> list[Difference]:
@@ -72,59 +76,50 @@ def differences(drawing: ThreeViews, solid: Polyhedron, snap: float, *, line_typ
     snap        length by which lines may be apart
     line_types  whether drawn-through and dashed lines must agree too
     """
-    _, given = view_graphs(drawing, snap)
+    faces, graphs = projected(solid)
     found: list[Difference] = []
-    for aside in BESIDE:
-        _, again = view_graphs(draw(solid, snap, aside=aside), snap)
-        told = list(chain.from_iterable(_both_ways(one, other, snap, line_types) for one, other in zip(given, again)))
-        # what differs must differ however near one looks: lines closer than that may have changed their order
-        found = told if aside == BESIDE[0] else [d for d in found if any(d.overlaps(t) for t in told)]
-        if not found:
-            break
+    for (projection, view), graph in zip(drawing, graphs):
+        given = _typed(view.segments, view.hidden[None], line_types)
+        pieces = cut_beside(graph.positions[graph.edges], graph.positions, BESIDE[0][0] * snap)
+        told: list[Flags] = []
+        here: list[Difference] = []
+        for aside in BESIDE:
+            # a type that depends on how near one looks is that of lines over each other: either is right
+            told.append(hidden_pieces(faces, projection, pieces, snap=snap, aside=aside))
+            again = _typed(pieces, np.array(told), line_types)
+            here = list(_compared(projection.name, given, again, SAME * snap))
+            if not here:
+                break
+        found += here
     return found
 
 
-def _both_ways(one: ViewGraph, other: ViewGraph, snap: float, line_types: bool) -> list[Difference]:
-    missing = (d for d in _compared(other, one, snap, line_types) if d.again is Line.NONE)
-    added = [Difference(d.view, d.ends, d.again, d.given) for d in missing]
-    return _compared(one, other, snap, line_types) + added
+def _typed(segments: Floats, told: Flags, line_types: bool) -> _Shown:
+    """Segments by what each row of `told` says of them, dashed or not; as drawn through where types do not matter."""
+    dashed = told & line_types
+    always, ever = dashed.all(axis=0), dashed.any(axis=0)
+    return _Shown(segments[~ever], segments[always], segments[ever & ~always])
 
 
-def _compared(one: ViewGraph, other: ViewGraph, snap: float, line_types: bool) -> list[Difference]:
-    way = one.directions()
-    look = one.positions[one.edges[:, 0]] + 0.4837 * way
-    mine = np.where(one.hidden, 2, 1)
-    theirs = _shown(other, look, way, snap)
-    # where a line changes its type is known to a few snaps only
-    long = np.linalg.norm(way, axis=1) > SLACK * snap
-    wrong = (theirs == 0) | ((mine != theirs) & line_types & long)
-    kinds = list(Line)
-    ends = one.positions[one.edges]
-    return [
-        Difference(
-            one.projection.name,
-            (tuple(ends[k, 0].tolist()), tuple(ends[k, 1].tolist())),
-            kinds[mine[k]],
-            kinds[theirs[k]],
-        )
-        for k in np.flatnonzero(wrong).tolist()
-    ]
+def _compared(name: str, given: _Shown, again: _Shown, tolerance: float) -> Iterator[Difference]:
+    """A dashed line under one drawn through tells nothing; every other line must be met by one of its type."""
+
+    def lone(lines: Floats, *others: Floats) -> Floats:
+        return lone_stretches(lines, np.concatenate(others), tolerance)[1]
+
+    def other_type(stretch: Floats, others: Floats) -> Line:
+        return Line.NONE if len(lone(stretch[None], others)) else Line.HIDDEN
+
+    for stretch in lone(given.visible, again.visible, again.either):
+        yield _difference(name, stretch, Line.VISIBLE, other_type(stretch, again.all()))
+    for stretch in lone(again.visible, given.visible):
+        yield _difference(name, stretch, other_type(stretch, given.all()), Line.VISIBLE)
+    for stretch in lone(given.hidden, given.visible, again.all()):
+        yield _difference(name, stretch, Line.HIDDEN, Line.NONE)
+    for stretch in lone(np.concatenate([again.hidden, again.either]), again.visible, given.all()):
+        yield _difference(name, stretch, Line.NONE, Line.HIDDEN)
 
 
-def _shown(graph: ViewGraph, look: Floats, way: Floats, snap: float) -> Ints:
-    """0 nothing, 1 drawn through, 2 dashed: what a view shows at points, along a direction."""
-    start, along = graph.positions[graph.edges[:, 0]], graph.directions()
-    length = np.linalg.norm(along, axis=1)
-    shown = np.zeros(len(look), dtype=np.int64)
-    for k in range(len(look)):
-        gap = look[k] - start
-        share = (gap * along).sum(axis=1) / length**2
-        away = np.abs(gap[:, 0] * along[:, 1] - gap[:, 1] * along[:, 0]) / length
-        size = np.hypot(*way[k])
-        turn = np.abs(along[:, 0] * way[k, 1] - along[:, 1] * way[k, 0])
-        near = (share > 0) & (share < 1) & (away <= SLACK * snap)
-        near &= turn <= 0.02 * length * size + 4 * snap * np.maximum(length, size)
-        if near.any():
-            near &= away <= away[near].min() + snap
-            shown[k] = 2 if graph.hidden[near].all() else 1
-    return shown
+def _difference(name: str, ends: Floats, given: Line, again: Line) -> Difference:
+    (a, b), (c, d) = ends.tolist()
+    return Difference(name, ((a, b), (c, d)), given, again)

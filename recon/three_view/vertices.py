@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.three_view.tables import ranges
 from recon.three_view.view_graph import ViewGraph
 
 __all__ = ["CandidateVertices", "candidate_vertices"]
@@ -37,7 +38,7 @@ class CandidateVertices:
 def candidate_vertices(values: Sequence[Floats], graphs: Sequence[ViewGraph]) -> CandidateVertices:
     """Every triple of points, one a view, that agree; points where no two runs meet show no vertex and are left out."""
     front, top, side = graphs
-    shown = [np.flatnonzero(graph.corners()) for graph in graphs]
+    shown = [np.flatnonzero(graph.corners) for graph in graphs]
     f, t = _joined(front.points[shown[0], 0], top.points[shown[1], 0])
     f, t = shown[0][f], shown[1][t]
     n_z = len(values[2])
@@ -55,8 +56,5 @@ def candidate_vertices(values: Sequence[Floats], graphs: Sequence[ViewGraph]) ->
 def _joined(left: Ints, right: Ints) -> tuple[Ints, Ints]:
     """All pairs (row of left, row of right) with equal values."""
     order = np.argsort(right, kind="stable")
-    first = np.searchsorted(right[order], left, side="left")
-    count = np.searchsorted(right[order], left, side="right") - first
-    rows = np.repeat(np.arange(len(left)), count)
-    within = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
-    return rows, order[np.repeat(first, count) + within]
+    rows, slot = ranges(*(np.searchsorted(right[order], left, side=side) for side in ("left", "right")))
+    return rows, order[slot]

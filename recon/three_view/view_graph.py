@@ -15,18 +15,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 
 from recon.geometry.views import PROJECTIONS, DrawnView, Projection, ThreeViews
+from recon.three_view.runs import SLACK, straight_runs
+from recon.three_view.stretches import SAME, lone_stretches
+from recon.three_view.tables import self_joined
 
-__all__ = ["ViewGraph", "linked", "view_graphs"]
+__all__ = ["ViewGraph", "view_graphs"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-SLACK = 2.0  # snaps that a point may be off a slanted line: the ends of the line and the point have moved by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,7 @@ class ViewGraph:
     hidden      (m,) dashed
     runs        (m,) number of the run that an edge belongs to
     sources     (m,) the first segment of the drawing that the edge is part of, of those drawn through if there are any
+    corners     (n,) whether lines of several directions meet in a point: only there can a vertex of a solid be seen
     """
 
     projection: Projection
@@ -49,15 +50,21 @@ class ViewGraph:
     hidden: Flags
     runs: Ints
     sources: Ints
+    corners: Flags
 
     def directions(self) -> Floats:
         """(m, 2) from the first to the second point of each edge."""
         return self.positions[self.edges[:, 1]] - self.positions[self.edges[:, 0]]
 
-    def corners(self) -> Flags:
-        """(n,) whether edges of more than one run meet in a point: only there can a vertex of a solid be seen."""
-        pairs = np.unique(np.column_stack([self.edges.ravel(), np.repeat(self.runs, 2)]), axis=0)
-        return np.bincount(pairs[:, 0], minlength=len(self.points)) > 1
+    def telling(self, snap: float) -> Flags:
+        """(m,) whether a drawing can differ in an edge: not if it is short, nor dashed beside a line drawn through."""
+        segments = self.positions[self.edges]
+        drawn_through = segments[~self.hidden]
+        none = np.empty((0, 2, 2))
+        told = np.zeros(len(segments), dtype=bool)
+        for rows, beside in ((~self.hidden, none), (self.hidden, drawn_through)):
+            told[np.flatnonzero(rows)[lone_stretches(segments[rows], beside, SAME * snap)[0]]] = True
+        return told
 
 
 @dataclass(eq=False)
@@ -86,12 +93,6 @@ def view_graphs(drawing: ThreeViews, snap: float) -> tuple[list[Floats], list[Vi
         for p, s, (pairs, at) in zip(PROJECTIONS, segments, crossings)
     ]
     return values, graphs
-
-
-def linked(pairs: NDArray[np.int64], n: int) -> Ints:
-    """(n,) number of the connected component of every node of a graph."""
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _axis_values(drawing: ThreeViews, axis: int) -> Floats:
@@ -144,11 +145,14 @@ def _crossings(
     ends = _place(axes, segments.ends, values)
     start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(way, axis=1)
+    met = _sharing_a_point(axes, segments, values, snap)
     low, high = ends.min(axis=1) - snap, ends.max(axis=1) + snap
     pairs, places = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 2))]
     for i in range(len(ends) - 1):
         others = np.arange(i + 1, len(ends))
         others = others[(low[others] <= high[i]).all(axis=1) & (high[others] >= low[i]).all(axis=1)]
+        # two lines meet once: where one ends on the other, their slight angle would tell another place
+        others = np.setdiff1d(others, met.indices[met.indptr[i] : met.indptr[i + 1]], assume_unique=True)
         turn = way[i, 0] * way[others, 1] - way[i, 1] * way[others, 0]
         # where two lines stay within snap all along the shorter one, their crossing is anywhere
         apart = np.abs(turn) > snap * np.maximum(length[i], length[others])
@@ -166,6 +170,16 @@ def _crossings(
     return np.concatenate(pairs), np.concatenate(places)
 
 
+def _sharing_a_point(axes: tuple[int, int], segments: _Segments, values: Sequence[Floats], snap: float) -> csr_array:
+    """(n, n) not zero where two segments have an end of any segment in common."""
+    points, number = np.unique(segments.ends.reshape(-1, 2), axis=0, return_inverse=True)
+    ends = number.reshape(-1, 2)
+    own = np.column_stack([np.repeat(np.arange(len(ends)), 2), ends.ravel()])
+    on = np.concatenate([own, _points_on(_place(axes, points, values), ends, snap)[0]])
+    holds = csr_array((np.ones(len(on), dtype=np.int64), (on[:, 0], on[:, 1])), shape=(len(ends), len(points)))
+    return csr_array(holds @ holds.T)
+
+
 def _graph(
     projection: Projection,
     segments: _Segments,
@@ -178,10 +192,8 @@ def _graph(
     number = number.ravel()
     positions = _place(projection.axes, points, values)
     ends = number[: 2 * len(segments.ends)].reshape(-1, 2)
-    touching = _points_on(positions, ends, snap)
     crossing = np.column_stack([pairs.ravel(), np.repeat(number[2 * len(segments.ends) :], 2)])
-    own = np.column_stack([np.repeat(np.arange(len(ends)), 2), ends.ravel()])
-    on = np.unique(np.concatenate([own, touching, crossing]), axis=0)
+    on = _met_once(positions, ends, crossing, snap)
     way = positions[ends[:, 1]] - positions[ends[:, 0]]
     along = ((positions[on[:, 1]] - positions[ends[on[:, 0], 0]]) * way[on[:, 0]]).sum(axis=1)
     on = on[np.lexsort([along, on[:, 0]])]
@@ -195,13 +207,38 @@ def _graph(
     # written last, and kept: the first segment that is drawn through, or else the first one
     ranked = np.lexsort([segments.source[owner], segments.hidden[owner]])[::-1]
     source[slot[ranked]] = segments.source[owner[ranked]]
-    runs = _runs(positions, edges, (slot, owner), snap)
-    return ViewGraph(projection, points, positions, edges, hidden, runs, source)
+    runs, corners = straight_runs(positions, edges, (slot, owner), snap)
+    return ViewGraph(projection, points, positions, edges, hidden, runs, source, corners)
 
 
-def _points_on(positions: Floats, ends: Ints, snap: float) -> Ints:
-    """Pairs (segment, point) of points inside a segment, none of its ends."""
-    found = [np.empty((0, 2), dtype=np.int64)]
+def _met_once(positions: Floats, ends: Ints, crossing: Ints, snap: float) -> Ints:
+    """Pairs (segment, point) of all points on each segment: its ends, its crossings, and points that lie near enough.
+
+    Two lines at an angle have but one point in common: of several that are near both, the nearest.
+    """
+    own = np.column_stack([np.repeat(np.arange(len(ends)), 2), ends.ravel()])
+    touching, away = _points_on(positions, ends, snap)
+    rows = np.concatenate([own, crossing, touching])
+    on, first = np.unique(rows, axis=0, return_index=True)
+    away = np.concatenate([np.zeros(len(rows) - len(away)), away])[first]
+    one, other = self_joined(on[:, 1])
+    far = np.maximum(away[one], away[other])
+    order = np.lexsort([far, on[other, 0], on[one, 0]])
+    one, other, far = one[order], other[order], far[order]
+    pair = on[one, 0] * len(ends) + on[other, 0]
+    nearest = np.repeat(far[np.diff(pair, prepend=-1) != 0], np.unique(pair, return_counts=True)[1])
+    way = positions[ends[:, 1]] - positions[ends[:, 0]]
+    length = np.linalg.norm(way, axis=1)
+    a, b = way[on[one, 0]], way[on[other, 0]]
+    turn = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    apart = turn > snap * np.maximum(length[on[one, 0]], length[on[other, 0]])
+    again = apart & (far > nearest) & (away[one] >= away[other])
+    return on[np.bincount(one[again], minlength=len(on)) == 0]
+
+
+def _points_on(positions: Floats, ends: Ints, snap: float) -> tuple[Ints, Floats]:
+    """Pairs (segment, point) of points inside a segment, none of its ends, and how far from it they lie."""
+    found, distance = [np.empty((0, 2), dtype=np.int64)], [np.empty(0)]
     start, way = positions[ends[:, 0]], positions[ends[:, 1]] - positions[ends[:, 0]]
     length = np.linalg.norm(way, axis=1)
     for s in range(len(ends)):
@@ -212,37 +249,5 @@ def _points_on(positions: Floats, ends: Ints, snap: float) -> Ints:
         near[ends[s]] = False
         rows = np.flatnonzero(near)
         found.append(np.column_stack([np.full(len(rows), s), rows]))
-    return np.concatenate(found)
-
-
-def _runs(positions: Floats, edges: Ints, pieces: tuple[Ints, Ints], snap: float) -> Ints:
-    """Run of every edge: pieces of one segment belong together, and edges that go straight on through a point."""
-    slot, owner = pieces
-    order = np.argsort(owner, kind="stable")
-    same = np.flatnonzero(owner[order][1:] == owner[order][:-1])
-    links = [np.column_stack([slot[order[same]], slot[order[same + 1]]])]
-    ends = np.concatenate([edges, edges[:, ::-1]])
-    edge = np.tile(np.arange(len(edges)), 2)
-    by_point = np.argsort(ends[:, 0], kind="stable")
-    ends, edge = ends[by_point], edge[by_point]
-    starts = np.searchsorted(ends[:, 0], np.arange(len(positions) + 1))
-    count = np.diff(starts)
-    for valence in np.unique(count[count > 1]).tolist():
-        i, j = np.triu_indices(valence, 1)
-        rows = starts[:-1][count == valence][:, None]
-        first, second = (rows + i).ravel(), (rows + j).ravel()
-        straight = _straight_on(positions, np.column_stack([ends[first], ends[second, 1]]), snap)
-        links.append(np.column_stack([edge[first], edge[second]])[straight])
-    return linked(np.concatenate(links), len(edges))
-
-
-def _straight_on(positions: Floats, triples: Ints, snap: float) -> Flags:
-    """Whether two edges at a point continue each other; rows (point, far end of one, far end of the other)."""
-    at, one, other = (positions[column] for column in triples.T)
-    a, b, base = one - at, other - at, other - one
-    away = np.abs(a[:, 0] * base[:, 1] - a[:, 1] * base[:, 0]) / np.maximum(np.linalg.norm(base, axis=1), 1e-300)
-    level = ((a == 0) & (b == 0)).any(axis=1)
-    # of a slanted line a short piece may stand level, its ends' coordinates having become one
-    slanted = ((a != 0) | (b != 0)).all(axis=1)
-    slanted &= np.minimum(np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)) > 2 * SLACK * snap
-    return np.asarray(((a * b).sum(axis=1) < 0) & (level | (slanted & (away <= SLACK * snap))))
+        distance.append(away[rows])
+    return np.concatenate(found), np.concatenate(distance)

@@ -45,11 +45,12 @@ class AnalyticPart:
         low = np.array([span.min() - ROOM for span in spans])
         return Vote(self.grid, self.surfaces, low, np.array([span.max() + ROOM + 1 for span in spans]))
 
-    def snapped(self, step: float) -> "AnalyticPart":
-        """The part at the roundest multiples of a step that the intervals hold."""
+    def snapped(self, step: float, *, places: bool = True) -> "AnalyticPart":
+        """The part at the roundest multiples of a step that the intervals hold, its axes too unless `places` is off."""
         voxel = self.grid.voxel
         surfaces = tuple(
-            snapped_surface(s, interval, step=step, voxel=voxel) for s, interval in zip(self.surfaces, self.intervals)
+            snapped_surface(s, interval, step=step, voxel=voxel, places=places)
+            for s, interval in zip(self.surfaces, self.intervals)
         )
         blends = []
         for blend, ends in zip(self.blends, self.ends):

@@ -36,9 +36,12 @@ def open_interval(surface: AnalyticSurface, solid_ends: Floats, empty_ends: Floa
 
 
 def snapped_surface(
-    surface: AnalyticSurface, interval: tuple[float, float], *, step: float, voxel: float
+    surface: AnalyticSurface, interval: tuple[float, float], *, step: float, voxel: float, places: bool = True
 ) -> AnalyticSurface:
-    """Plane or cylinder at the roundest multiples of `step` that its interval holds; others as they are."""
+    """Plane or cylinder at the roundest multiples of `step` that its interval holds; others as they are.
+
+    places  whether axes move to round places, too: those on a bolt circle have none
+    """
     if isinstance(surface, Plane):
         normal = _upright(surface.normal_vector)
         if normal is None:
@@ -50,7 +53,7 @@ def snapped_surface(
         if axis is None:
             return surface
         near = np.round(surface.point / step) * step
-        point = np.where(np.abs(near - surface.point) <= NEAR * voxel, near, surface.point)
+        point = np.where(places & (np.abs(near - surface.point) <= NEAR * voxel), near, surface.point)
         point = np.where(np.abs(axis) > 0.5, surface.point, point)
         # the interval holds for an axis that has moved since
         value = roundest(surface.radius + interval[0] - NEAR * voxel, surface.radius + interval[1] + NEAR * voxel, step)

@@ -9,14 +9,15 @@ between the solid and the empty end of all grid edges of its regions.
 All lengths in voxels.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from recon.geometry.analytic import AnalyticSurface, Blend, Cylinder, Plane
-from recon.voxel_mesh.fits import across
+from recon.geometry.analytic import AnalyticSurface, Blend, Cylinder, Plane, Sphere
+from recon.voxel_mesh.fits import across, fit_cylinder, fit_plane_through
 from recon.voxel_mesh.regions import Region, SmoothSurface
 
 __all__ = ["Recognised", "recognised"]
@@ -25,8 +26,14 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 PARALLEL = np.cos(np.radians(1.2))
+LEANING = np.cos(np.radians(6.0))  # an arc or a disk tells its axis no better; made parallel where it fits as well
 SAME_OFFSET = 0.15
+BESIDE = 1.0  # of the radius between the boxes of two arcs that may be of one cylinder
 WITHIN, SHARE = 0.65, 0.85  # a region belongs to a surface that this share of its vertices is that near to
+FEW = 400  # vertices
+LEVEL = np.cos(np.radians(12.0))
+ALIKE = 1.4  # times smaller or larger may the radius of a cylinder become by joining an arc to it
+FACING = 0.7  # cosine of the angle to a cylinder's normal, at least, where steps have turned a vertex's own
 TANGENT = 0.3  # of the radius: how far the first fit may miss the tangency that the second makes exact
 
 
@@ -47,12 +54,15 @@ class Recognised:
 
 def recognised(s: SmoothSurface, regions: list[Region]) -> Recognised:
     """The distinct surfaces under the regions."""
-    planes = [r for r in regions if isinstance(r.surface, Plane)]
-    others = [r for r in regions if not isinstance(r.surface, Plane)]
+    regions = [_flattened(s, r) for r in regions]
+    others = _joined(s, [r for r in regions if not isinstance(r.surface, Plane)])
+    planes = [r for r in regions if isinstance(r.surface, Plane) and not _is_part(s, r, others)]
     directions = _directions([(_normal(r), _scatter(s, r)) for r in planes])
+    others = _joined(s, [_upright(s, r, directions) for r in others])
     flat = _distinct_planes(s, planes, directions)
     blends, round_ones = _blends(s, others, flat)
-    round_ones = [_straightened(s, r, directions) for r in round_ones]
+    round_ones = _joined(s, [_straightened(s, r, directions) for r in round_ones])
+    round_ones = _joined(s, [_filled_up(s, r) for r in round_ones])
     kept = _unabsorbed(s, [*flat, *round_ones], blends)
     number = {id(r): k for k, r in enumerate(kept)}
     told = [
@@ -108,19 +118,117 @@ def _distinct_planes(s: SmoothSurface, planes: list[Region], directions: list[Fl
     return found
 
 
+def _flattened(s: SmoothSurface, region: Region) -> Region:
+    """A plane in place of a round surface where it fits as well: a wall between two roundings takes some of them in."""
+    if isinstance(region.surface, Plane):
+        return region
+    x, normals = s.middle[region.vertices], s.normal[region.vertices]
+    plane = fit_plane_through(x, normals)
+    level = (normals @ plane.normal_vector > LEVEL).mean() >= SHARE
+    return Region(plane, region.vertices) if level and _lies_on(plane, x) else region
+
+
+def _joined(s: SmoothSurface, regions: list[Region]) -> list[Region]:
+    """The regions, those on one cylinder made one: steps along the grid part it into arcs."""
+    left = [r for r in regions if isinstance(r.surface, Cylinder)]
+    found = [r for r in regions if not isinstance(r.surface, Cylinder)]
+    while left:
+        lead, *left = sorted(left, key=lambda r: -len(r.vertices))
+        n_before = len(left) + 1
+        while len(left) < n_before:
+            n_before = len(left)
+            for other in list(left):
+                both = _together(s, lead, other)
+                if both is not None:
+                    lead = both
+                    left.remove(other)
+        found.append(lead)
+    return found
+
+
+def _together(s: SmoothSurface, one: Region, other: Region) -> Region | None:
+    """One cylinder through both regions; None where they are apart, or it misses either."""
+    places = [s.middle[r.vertices] for r in (one, other)]
+    low, high = ([end(x, axis=0) for x in places] for end in (np.min, np.max))
+    members = np.union1d(one.vertices, other.vertices)
+    x = s.middle[members]
+    assert isinstance(one.surface, Cylinder)
+    if (np.maximum(*low) > np.minimum(*high) + BESIDE * one.surface.radius).any():
+        return None
+    # an arc alone tells its axis badly: that of the larger region first
+    for fit in (_circle(x, one.surface.axis, one.surface), fit_cylinder(x, s.normal[members])):
+        if fit is None or not all(_lies_on(fit, part) for part in places):
+            continue
+        if abs(np.log(fit.radius / one.surface.radius)) > np.log(ALIKE):
+            continue  # two quarters of circles lie on many a larger one
+        if _side(s, fit, one.vertices) == _side(s, fit, other.vertices):
+            return Region(fit, members)
+    return None
+
+
+def _side(s: SmoothSurface, surface: AnalyticSurface, vertices: Ints) -> float:
+    """1 where the normals of vertices are those of the surface, -1 where they are turned: a hole, not a boss."""
+    return float(np.sign(np.median((surface.normal(s.middle[vertices]) * s.normal[vertices]).sum(axis=1))))
+
+
+def _lies_on(surface: AnalyticSurface, x: Floats) -> bool:
+    return bool((np.abs(surface.distance(x)) <= WITHIN).mean() >= SHARE)
+
+
+def _upright(s: SmoothSurface, region: Region, directions: list[Floats]) -> Region:
+    """A round region as a cylinder along a direction of the planes, where it is one: few vertices tell no cone from the
+    rounded edge of a pocket, and a low band no sphere from a cylinder.
+    """
+    small = len(region.vertices) <= FEW or isinstance(region.surface, Sphere)
+    if isinstance(region.surface, Cylinder | Plane) or not small:
+        return region
+    x = s.middle[region.vertices]
+    for along in directions:
+        e = np.stack(across(along), axis=1)
+        p = (x - x.mean(axis=0)) @ e
+        solved = np.linalg.lstsq(np.column_stack([2 * p, np.ones(len(p))]), (p**2).sum(axis=1), rcond=None)[0]
+        square = float(solved[2] + solved[:2] @ solved[:2])
+        if 0.0 < square < np.ptp(p, axis=0).max() ** 2 * 16.0:
+            fit = _circle(x, along, Cylinder(x.mean(axis=0) + e @ solved[:2], along, float(np.sqrt(square))))
+            if fit is not None and _lies_on(fit, x):
+                return Region(fit, region.vertices)
+    return region
+
+
 def _straightened(s: SmoothSurface, region: Region, directions: list[Floats]) -> Region:
     """A cylinder whose axis is parallel to a direction of the planes gets exactly that axis."""
     surface = region.surface
     if not isinstance(surface, Cylinder) or not directions:
         return region
     along = max(directions, key=lambda d: abs(d @ surface.axis))
-    if abs(along @ surface.axis) < PARALLEL:
+    if abs(along @ surface.axis) < LEANING:
         return region
-    return Region(_circle(s.middle[region.vertices], along, surface), region.vertices)
+    x = s.middle[region.vertices]
+    straight = _circle(x, along, surface)
+    if straight is None or (abs(along @ surface.axis) < PARALLEL and not _lies_on(straight, x)):
+        return region
+    return Region(straight, region.vertices)
 
 
-def _circle(x: Floats, axis: Floats, first: Cylinder) -> Cylinder:
-    """Cylinder with a given axis direction, by Gauss-Newton from a first one."""
+def _filled_up(s: SmoothSurface, region: Region) -> Region:
+    """A cylinder fitted to all vertices on it as far along its axis as its region goes: steps kept some out."""
+    surface = region.surface
+    if not isinstance(surface, Cylinder):
+        return region
+    along = s.middle @ surface.axis
+    low, high = np.quantile(along[region.vertices], [0.0, 1.0])
+    facing = (surface.normal(s.middle) * s.normal).sum(axis=1)
+    side = _side(s, surface, region.vertices)
+    near = np.abs(surface.distance(s.middle)) <= WITHIN
+    members = np.flatnonzero(near & (along >= low) & (along <= high) & (side * facing > FACING))
+    if len(members) < len(region.vertices):
+        return region
+    fit = _circle(s.middle[members], surface.axis, surface)
+    return region if fit is None else Region(fit, members)
+
+
+def _circle(x: Floats, axis: Floats, first: Cylinder) -> Cylinder | None:
+    """Cylinder with a given axis direction, by Gauss-Newton from a first one; None where it becomes another one."""
     e = np.stack(across(axis), axis=1)
     p, centre, radius = x @ e, first.point @ e, first.radius
     for _ in range(8):
@@ -129,6 +237,8 @@ def _circle(x: Floats, axis: Floats, first: Cylinder) -> Cylinder:
         jacobian = np.column_stack([-arm / size[:, None], -np.ones(len(p))])
         step = np.linalg.lstsq(jacobian, radius - size, rcond=None)[0]
         centre, radius = centre + step[:2], radius + step[2]
+    if not 0.5 < radius / first.radius < 2.0:
+        return None
     return Cylinder(e @ centre + (x @ axis).mean() * axis, axis, float(radius))
 
 
@@ -193,10 +303,24 @@ def _tangent_fit(
 
     span = (0.5 * cylinder.radius, 1.6 * cylinder.radius)
     radius = float(minimize_scalar(square, bounds=span, method="bounded", options={"xatol": 1e-5}).x)
-    away = touching(radius).distance(x)
-    if (np.abs(away) <= WITHIN).mean() < SHARE:
+    if not _lies_on(touching(radius), x):
         return None
     return radius, x[int(np.abs((x - x.mean(axis=0)) @ axis).argmin())]
+
+
+def _is_part(s: SmoothSurface, region: Region, others: Sequence[Region | AnalyticSurface]) -> bool:
+    """Whether a region lies on a surface, or on that of a region more than twice as large: then it is a step of it."""
+    x = s.middle[region.vertices]
+    for other in others:
+        if not isinstance(other, Region):
+            surface = other
+        elif len(other.vertices) > 2 * len(region.vertices):
+            surface = other.surface
+        else:
+            continue
+        if _lies_on(surface, x):
+            return True
+    return False
 
 
 def _unabsorbed(s: SmoothSurface, regions: list[Region], blends: list[tuple[Blend, Ints]]) -> list[Region]:
@@ -206,11 +330,8 @@ def _unabsorbed(s: SmoothSurface, regions: list[Region], blends: list[tuple[Blen
     used = {k for b, _ in blends for k in (b.first, b.second)}
     kept: list[Region] = []
     for region in by_size:
-        x = s.middle[region.vertices]
-        larger: list[AnalyticSurface] = [r.surface for r in kept if len(r.vertices) > 2 * len(region.vertices)]
-        over = any((np.abs(o.distance(x)) <= WITHIN).mean() >= SHARE for o in [*larger, *cylinders])
         needed = any(regions[k] is region for k in used)
-        if needed or not over:
+        if needed or not _is_part(s, region, [*kept, *cylinders]):
             kept.append(region)
     return kept
 

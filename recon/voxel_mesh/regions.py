@@ -3,6 +3,7 @@
     seed -> patch around it -> fits -> region: all that hangs together and keeps within
         0.62 voxel of the fit in its place on the grid edge's middle (half a voxel, and what the fit itself is off),
         0.33 voxel smoothed, and 12 degrees of its normal;   -> fits to the region -> region ...
+    then the same once more for what is left, with 25 degrees.
 
 A simpler kind wins unless a richer one's region is larger by a fifth: a plane is also a very large cylinder.
 """
@@ -24,11 +25,12 @@ __all__ = ["Region", "SmoothSurface", "analytic_regions", "smooth_surface"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-RAW, SMOOTHED, TURN = 0.62, 0.33, 12.0
+RAW, SMOOTHED = 0.62, 0.33
+TURNS = 12.0, 25.0  # degrees; the second for what the first leaves: small holes along the grid, all steps
+DEEP = 3  # rings between a seed and the regions found before
 PATCH = 400  # vertices of the patch around a seed
 LEAST = 60  # vertices of a region worth a face
 SEEDS = 6  # tried before the best is taken
-DEEP = 3  # rings between a seed and the regions found before
 GAIN = 1.2
 NORMAL_ROUNDS = 2  # the steps of an axis-parallel hole turn single normals by more than any bound could allow
 BENT = 8.0  # degrees by which the normals of a round region spread at least
@@ -72,25 +74,38 @@ def analytic_regions(s: SmoothSurface, *, seed: int = 0) -> tuple[list[Region], 
     """Regions, the largest first, and the region of every vertex, -1 where nothing fits."""
     rng = np.random.default_rng(seed)
     label = np.full(len(s.middle), -1, dtype=np.int64)
-    tried = np.zeros(len(label), dtype=bool)
     found: list[Region] = []
+    for turn in TURNS:
+        tried = np.zeros(len(label), dtype=bool)
+        while (region := _largest(s, label, tried, turn, rng)) is not None:
+            label[region.vertices] = len(found)
+            found.append(region)
+    found.sort(key=lambda region: -len(region.vertices))
+    for number, region in enumerate(found):
+        label[region.vertices] = number
+    return found, label
+
+
+def _largest(
+    s: SmoothSurface, label: Ints, tried: NDArray[np.bool_], turn: float, rng: np.random.Generator
+) -> Region | None:
+    """The largest region around a few seeds far from all regions; None when every seed has been tried."""
     while True:
         seeds = np.flatnonzero(_depth(label >= 0, tried, s.start, s.neighbour, DEEP) > DEEP)
         if not len(seeds):
-            return found, label
+            return None
         best: Region | None = None
         for v in rng.choice(seeds, min(SEEDS, len(seeds)), replace=False).tolist():
-            region = _grown(s, v, label)
+            region = _grown(s, v, label, turn)
             if region is None or len(region.vertices) < LEAST:
                 tried[v] = True
             elif best is None or len(region.vertices) > len(best.vertices):
                 best = region
         if best is not None:
-            label[best.vertices] = len(found)
-            found.append(best)
+            return best
 
 
-def _grown(s: SmoothSurface, seed: int, label: Ints) -> Region | None:
+def _grown(s: SmoothSurface, seed: int, label: Ints, turn: float) -> Region | None:
     """The largest region around a seed over all kinds."""
     patch = _patch(seed, label, s.start, s.neighbour, PATCH)
     if len(patch) < LEAST:
@@ -103,7 +118,7 @@ def _grown(s: SmoothSurface, seed: int, label: Ints) -> Region | None:
             surface = fit(points[region.vertices], s.normal[region.vertices])
             if surface is None:
                 break
-            grown = _flood(seed, label, s, surface)
+            grown = _flood(seed, label, s, surface, turn)
             if len(grown) < LEAST:
                 break
             done = number and len(grown) <= 1.02 * len(region.vertices)
@@ -138,11 +153,11 @@ def packed(surface: AnalyticSurface) -> tuple[int, Floats]:
     return 3, np.concatenate([surface.apex, surface.axis, [surface.half_angle]])
 
 
-def _flood(seed: int, label: Ints, s: SmoothSurface, surface: AnalyticSurface) -> Ints:
+def _flood(seed: int, label: Ints, s: SmoothSurface, surface: AnalyticSurface, turn: float) -> Ints:
     kind, numbers = packed(surface)
     return np.asarray(
         _flooded(
-            seed, label, s.middle, s.smooth, s.normal, s.start, s.neighbour, kind, numbers, np.cos(np.radians(TURN))
+            seed, label, s.middle, s.smooth, s.normal, s.start, s.neighbour, kind, numbers, np.cos(np.radians(turn))
         )
     )
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hull_meshes import bumpy_ball
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut, BRepAlgoAPI_Section
+from OCP.BRepOffsetAPI import BRepOffsetAPI_MakeOffsetShape
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pln, gp_Pnt
 from OCP.TopAbs import TopAbs_ShapeEnum
@@ -71,6 +72,20 @@ def test_a_boolean_cut_takes_away_what_both_have_in_common(name):
         assert report.passed, report.defects
         parts = measure(cut).volume + (measure(common).volume or 0.0)
         assert parts == pytest.approx(measure(solid).volume, rel=1e-4)
+
+
+def test_a_solid_can_be_offset():
+    scheme, mesh = SOLIDS["doo-sabin"]
+    solid = mosaic_shape(limit_faces(mesh, scheme).mosaic, TOLERANCE)
+    whole = measure(solid)
+    thickness = 0.003
+    offset = BRepOffsetAPI_MakeOffsetShape()
+    offset.PerformByJoin(solid, thickness, 1e-5)
+    assert offset.IsDone()
+    report = check(offset.Shape(), Tolerance(fit=1e-3), expect=ShapeKind.COMPOUND)
+    assert report.passed, report.defects
+    # to first order the skin is its area times its thickness
+    assert measure(offset.Shape()).volume - whole.volume == pytest.approx(whole.area * thickness, rel=0.02)
 
 
 def test_a_section_is_a_closed_curve():

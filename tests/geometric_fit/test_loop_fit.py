@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hull_meshes import ball, bumpy_ball, disc
 from numpy.testing import assert_allclose
+from scipy.spatial import Delaunay
 
 from recon.errors import BadOption
 from recon.geometric_fit.convergence import StoppedBy
@@ -11,7 +12,7 @@ from recon.geometric_fit.foot_points import EXACT, nearest_feet
 from recon.geometric_fit.guards import Guards, fairness
 from recon.geometric_fit.initial_mesh import initial_mesh
 from recon.geometric_fit.pipeline import FitOptions, fit_surface
-from recon.geometric_fit.refinement import flip_to_even_valences, split_faces
+from recon.geometric_fit.refinement import flip_to_delaunay, flip_to_even_valences, split_faces
 from recon.geometric_fit.scan_data import fold_places, scan_data
 from recon.geometric_fit.tangent_distance import Metric, basis_rows, tangent_distance_move
 from recon.geometric_fit.updates import Update
@@ -109,6 +110,25 @@ def test_flips_even_the_valences_and_splits_keep_the_surface_whole(shape):
     free = [(opposite_sides(m.faces_of(3)) < 0).sum() for m in (mesh, flipped)]
     assert free[0] == free[1]
     assert len(flipped.crease_edges) == len(np.unique(np.sort(creases, axis=1), axis=0))
+
+
+def test_flips_on_a_plane_end_at_the_delaunay_triangulation_and_keep_creases():
+    flat = np.random.default_rng(4).random((80, 2))
+    stretched = np.array([6.0, 1.0])
+    other, wanted = (Delaunay(points).simplices for points in (flat * stretched, flat))
+    turned = np.linalg.det(flat[other[:, 1:]] - flat[other[:, :1]]) < 0
+    other[turned] = other[turned][:, ::-1]
+    vertices = np.column_stack([flat, np.zeros(80)])
+    flipped = flip_to_delaunay(ControlMesh.from_faces(vertices, other), passes=100)
+    assert as_set(flipped.faces_of(3)) == as_set(wanted)
+    creases = np.unique(np.sort(other[::7, :2], axis=1), axis=0)
+    kept = flip_to_delaunay(ControlMesh.from_faces(vertices, other, crease_edges=creases), passes=100)
+    sides = np.concatenate([np.roll(kept.faces_of(3), k, axis=1)[:, :2] for k in range(3)])
+    assert as_set(creases) <= as_set(sides)
+
+
+def as_set(rows):
+    return {tuple(row) for row in np.sort(rows, axis=1).tolist()}
 
 
 def test_a_fit_comes_near_and_stays_near_on_both_sides(scan, fitted):

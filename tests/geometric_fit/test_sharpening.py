@@ -8,14 +8,17 @@ import pyvista as pv
 from block_mesh import block
 from hull_meshes import bumpy_ball, disc
 from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from recon.geometric_fit.pipeline import FitOptions, fit_surface
+from recon.geometric_fit.scan_data import fold_places
 from recon.geometric_fit.sharpening import sharpened
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.numerics.halfedges import edge_table, euler_number
 from recon.readers.meshes import read_mesh
+from recon.subdivision.limit_surface import tessellate
 
 ANGLE = np.radians(40.0)
 FANDISK = Path(__file__).parents[3] / "shared" / "data" / "scans" / "fandisk_large.off"
@@ -128,6 +131,10 @@ def test_fandisk_keeps_its_edges():
     on_edges = np.unique(sharpened(scan, ANGLE).edges)
     fitted = fit_surface(scan, FitOptions(control_points=1500))
     assert fitted.folds == 0
+    # nor beside sharp edges, whose own right angles excuse nothing on either side
+    drawn = tessellate(fitted.mesh, halvings=2)
+    known, folds = (fold_places(m.vertices, m.face_vertices) for m in (scan, drawn))
+    assert len(folds) == 0 or cKDTree(known).query(folds)[0].max() <= 0.005 * fitted.diagonal
     assert fitted.errors.rms < 0.008
     off = 100.0 * fitted.distances[on_edges[on_edges < scan.n_vertices]] / fitted.diagonal
     assert np.quantile(off, 0.98) < 0.05

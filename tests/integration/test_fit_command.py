@@ -65,6 +65,23 @@ def test_bad_options_are_one_sentence_and_status_two(scan, words):
     assert "Traceback" not in run.stderr
 
 
+def test_a_control_mesh_with_semi_sharp_creases_becomes_a_smooth_solid(tmp_path):
+    rim = [0, 1, 3, 2]
+    corners = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    faces = [[0, 2, 3, 1], [4, 5, 7, 6], *([a, b, b + 4, a + 4] for a, b in zip(rim, rim[1:] + rim[:1]))]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["f " + " ".join(str(v + 1) for v in face) for face in faces]
+    net = tmp_path / "cube.obj"
+    net.write_text("\n".join([*lines, "t crease 5/1/0 4 5 7 6 4 1.5", "t corner 1/1/0 0 0.5"]) + "\n")
+    run = recon("fit", "--control-mesh", net, "-o", tmp_path / "cube.step")
+    assert run.returncode == 0, run.stderr
+    answer = json.loads(run.stdout)
+    assert answer["kernel"]["closed"] and answer["kernel"]["max_smooth_edge_angle_deg"] < 0.01
+    assert answer["room"]["crease_edges"] == 0 and answer["kernel"]["read_back"]["same"]
+    net.write_text("\n".join([*lines, "t corner 1/1/0 0 10"]) + "\n")
+    cone = recon("fit", "--control-mesh", net, "-o", tmp_path / "cone.step")
+    assert cone.returncode == 2 and "no tangent plane" in cone.stderr
+
+
 def test_quadrilaterals_are_written_as_their_control_mesh_and_as_a_solid(scan, tmp_path):
     net = tmp_path / "quads.obj"
     run = recon("fit", scan, "-o", net, "--surface", "catmull-clark", "--control-points", 80, "--plain")

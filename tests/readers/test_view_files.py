@@ -91,6 +91,22 @@ def test_views_at_their_own_scales_are_brought_to_that_of_the_front_view(tmp_pat
     assert any("scale" in note for note in read.notes)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_views_whose_every_coordinate_is_off_are_parted_and_aligned_all_the_same(seed, tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    rng = np.random.default_rng(seed)
+    for line in document.modelspace():
+        line.dxf.start += tuple(rng.uniform(-0.01, 0.01, 2))
+        line.dxf.end += tuple(rng.uniform(-0.01, 0.01, 2))
+    path = tmp_path / "part.dxf"
+    document.saveas(path)
+    read = read_views(path)
+    assert read.notes == ("third angle, side view from the right",)
+    for (_, view), name in zip(read.drawing, VIEWS):
+        given = np.array([*VIEWS[name], *DASHED[name]], dtype=float).reshape(-1, 2, 2)
+        np.testing.assert_allclose(view.segments, given, atol=0.03)
+
+
 def test_what_is_no_edge_is_set_aside_and_counted(tmp_path):
     document = sheet(PLACES["third angle, side view from the right"])
     space = document.modelspace()
@@ -207,6 +223,16 @@ def test_svg_and_dxf_of_one_drawing_say_the_same(layout, tmp_path):
     assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
 
 
+@pytest.mark.parametrize(
+    "rule", [".dashed, .x { stroke-dasharray: 3 1.5 }", "/* } */ line.y {} #d, .dashed{stroke-dasharray:3}"]
+)
+def test_style_sheets_of_an_svg_tell_dashed_lines(rule, tmp_path):
+    path = tmp_path / "part.svg"
+    drawn = svg(PLACES["third angle, side view from the right"], 'class="thin dashed"')
+    path.write_text(drawn.replace("<g ", f"<style>{rule}</style><g ", 1))
+    assert [rows(view) for _, view in read_views(path).drawing] == [expected(name) for name in VIEWS]
+
+
 def test_an_svg_path_says_the_same_as_lines_under_a_transform(tmp_path):
     path = tmp_path / "part.svg"
     drawn = svg(PLACES["third angle, side view from the right"])
@@ -227,7 +253,7 @@ def test_what_is_no_edge_of_an_svg_is_set_aside_and_curves_are_refused(tmp_path)
     path.write_text(svg(PLACES["third angle, side view from the right"], extra=curved))
     with pytest.raises(CurvedDrawing) as refusal:
         read_views(path)
-    assert refusal.value.curves == ("circle at (20, 5)", "arc at (10, 5)")
+    assert refusal.value.curves == ("circle at (20, -5)", "arc at (10, -5)")
 
 
 @pytest.mark.parametrize("text", ["", "<svg", "<html/>", "<!DOCTYPE x [<!ENTITY a 'b'>]><svg>&a;</svg>"])

@@ -101,11 +101,17 @@ def _vertex_point(
         smooth = (middles[faces].mean(axis=0) + np.mean([own + p for p in ends.values()], axis=0) + (n - 3) * own) / n
     if v in mesh.corners and sharp:
         return own
-    if len(sharp) < 2:
-        return smooth
-    firm = own if len(sharp) > 2 else 0.75 * own + 0.125 * sum(ends[e] for e in sharp)
-    share = min(np.mean([sharpness[e] for e in sharp]), 1.0)
-    return share * firm + (1 - share) * smooth if share < 1 else firm
+
+    def ruled(edges: list[Edge]) -> Floats:
+        if len(edges) < 2:
+            return smooth
+        return own if len(edges) > 2 else 0.75 * own + 0.125 * sum(ends[e] for e in edges)
+
+    still = [e for e in sharp if sharpness[e] > 1]
+    if min(len(sharp), 3) == min(len(still), 3) or max(len(sharp), len(still)) < 2:
+        return ruled(sharp)
+    share = np.mean([sharpness[e] for e in sharp if sharpness[e] <= 1])  # [derose1998], over the edges that end
+    return share * ruled(sharp) + (1 - share) * ruled(still)
 
 
 def doo_sabin_step(mesh: PlainMesh) -> PlainMesh:

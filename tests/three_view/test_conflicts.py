@@ -92,3 +92,10 @@ def test_a_conflict_is_minimal():
     found = diagnose(changed(drawing, 0, drawing.front.segments, hidden))
     assert found.conflict
     assert diagnose(drawing).conflict == ()
+
+
+def test_views_without_a_common_origin_are_told_from_their_spans():
+    drawing = stepped_block(1)
+    moved = changed(drawing, 1, drawing.top.segments + np.array([0, 100]), drawing.top.hidden)
+    assert diagnose(drawing).spans == ()
+    assert diagnose(moved).spans == ("y runs from 100 to 130 in the top view, from 0 to 30 in the side view",)

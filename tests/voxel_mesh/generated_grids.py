@@ -32,6 +32,28 @@ def block_with_hole(n: int, turn: np.ndarray | None = None) -> VoxelGrid:
     return VoxelGrid(solid=block & ~hole, name="block with a hole")
 
 
+def flange(n: int) -> VoxelGrid:
+    """A disk of radius 0.46 n and height 0.16 n along the grid, a boss of 0.23 n on it, six holes of 0.042 n around."""
+    x, y, z = np.moveaxis(centres(n), -1, 0)
+    solid = (np.hypot(x, y) < 0.46 * n) & (np.abs(z) < 0.08 * n)
+    solid |= (np.hypot(x, y) < 0.23 * n) & (z > 0.0) & (z < 0.3 * n)
+    for angle in np.radians(60.0 * np.arange(6)):
+        solid &= np.hypot(x - 0.35 * n * np.cos(angle), y - 0.35 * n * np.sin(angle)) > 0.042 * n
+    return VoxelGrid(solid=solid, name="flange")
+
+
+def rounded_pocket(n: int, turn: np.ndarray) -> VoxelGrid:
+    """A block of 0.8 x 0.6 x 0.24 n with a pocket of 0.56 x 0.36 n, upright edges rounded by 0.07 n."""
+    x, y, z = np.moveaxis(centres(n) @ turn, -1, 0)
+
+    def rounded(a: float, b: float) -> np.ndarray:
+        over = np.maximum(np.abs(np.stack([x, y], axis=-1)) - np.array([a, b]) + 0.07 * n, 0.0)
+        return np.hypot(*np.moveaxis(over, -1, 0)) < 0.07 * n
+
+    block = rounded(0.4 * n, 0.3 * n) & (np.abs(z) < 0.12 * n)
+    return VoxelGrid(solid=block & ~(rounded(0.28 * n, 0.18 * n) & (z > 0.0)), name="pocket")
+
+
 def rotation(axis, degrees: float) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from generated_grids import ball, block_with_hole, centres, random_grid, rotation
+from generated_grids import ball, block_with_hole, centres, flange, random_grid, rotation, rounded_pocket
 
 from recon.errors import NoSolid
 from recon.geometry.analytic import Cone, Cylinder, Plane, Sphere
@@ -107,3 +107,21 @@ def test_a_mesh_of_the_grid_has_every_centre_on_its_side_and_a_shifted_one_has_n
 )
 def test_the_roundest_value_of_an_interval(low, high, step, value):
     assert roundest(low, high, step) == value
+
+
+def test_small_holes_along_the_grid_are_whole_cylinders():
+    n = 128
+    part = analytic_part(flange(n))
+    cylinders = [s for s in part.surfaces if isinstance(s, Cylinder)]
+    assert sorted(round(s.radius / n, 2) for s in cylinders) == [0.04] * 6 + [0.23, 0.46]
+    assert len([s for s in part.surfaces if isinstance(s, Plane)]) == len(part.surfaces) - 8 == 3
+    assert all(abs(s.axis[2]) == pytest.approx(1.0) for s in cylinders)
+    holes = np.array([s.point[:2] for s in cylinders if s.radius < 0.1 * n]) - 0.5 * n + np.array([0.137, 0.241])
+    assert np.hypot(*holes.T) == pytest.approx(np.full(6, 0.35 * n), abs=0.15)
+
+
+def test_a_pocket_has_eight_rounded_edges_and_no_wall_bent_into_them():
+    n = 110
+    part = analytic_part(rounded_pocket(n, rotation([3, 4, 1], 28.0)))
+    assert all(isinstance(s, Plane) for s in part.surfaces) and len(part.surfaces) == 11
+    assert [b.radius / n for b in part.blends] == pytest.approx([0.07] * 8, abs=0.005)
