@@ -76,7 +76,7 @@ def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3, seen: Survey |
     seen            the shape's survey, where that was made already
     """
     solids = list(sub_shapes(shape, _SOLID))
-    by_face = any(_is_spline(TopoDS.Face_s(face)) for face in sub_shapes(shape, _FACE))
+    by_face = any(_is_made_of_splines(TopoDS.Face_s(face)) for face in sub_shapes(shape, _FACE))
     if by_face:
         volumes, area, centre = _of_faces(shape, seen or survey(shape), relative_error)
     else:
@@ -94,8 +94,9 @@ def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3, seen: Survey |
     )
 
 
-def _is_spline(face: TopoDS_Face) -> bool:
-    return BRepAdaptor_Surface(face, False).GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
+def _is_made_of_splines(face: TopoDS_Face) -> bool:
+    kind = BRepAdaptor_Surface(face, False).GetType()
+    return kind in (GeomAbs_SurfaceType.GeomAbs_BSplineSurface, GeomAbs_SurfaceType.GeomAbs_SurfaceOfRevolution)
 
 
 def _of_shape(shape: TopoDS_Shape, solids: Sequence[TopoDS_Shape], relative_error: float) -> _Figures:
