@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.optimize import minimize_scalar
+from scipy.sparse import csgraph
 
 from recon.geometry.analytic import AnalyticSurface, Blend, Cylinder, Plane, Sphere
 from recon.voxel_mesh.fits import across, fit_cylinder, fit_plane_through
@@ -31,7 +33,9 @@ SAME_OFFSET = 0.15
 BESIDE = 1.0  # of the radius between the boxes of two arcs that may be of one cylinder
 WITHIN, SHARE = 0.65, 0.85  # a region belongs to a surface that this share of its vertices is that near to
 FEW = 400  # vertices
-LEVEL = np.cos(np.radians(12.0))
+BESIDE_PLANE = 1.5  # voxels from a plane of what may be its rim
+LEAST_NARROW = 40  # vertices of a plane that only its direction tells
+LEVEL, NARROW_LEVEL = np.cos(np.radians([12.0, 25.0]))  # angle of a plane's normals; those of a narrow one are smoothed
 ALIKE = 1.4  # times smaller or larger may the radius of a cylinder become by joining an arc to it
 FACING = 0.7  # cosine of the angle to a cylinder's normal, at least, where steps have turned a vertex's own
 TANGENT = 0.3  # of the radius: how far the first fit may miss the tangency that the second makes exact
@@ -59,6 +63,8 @@ def recognised(s: SmoothSurface, regions: list[Region]) -> Recognised:
     planes = [r for r in regions if isinstance(r.surface, Plane) and not _is_part(s, r, others)]
     directions = _directions([(_normal(r), _scatter(s, r)) for r in planes])
     others = _joined(s, [_upright(s, r, directions) for r in others])
+    directions = _with_axes(directions, others)
+    planes += _narrow_planes(s, regions, directions, [*planes, *others])
     flat = _distinct_planes(s, planes, directions)
     blends, round_ones = _blends(s, others, flat)
     round_ones = _joined(s, [_straightened(s, r, directions) for r in round_ones])
@@ -118,13 +124,56 @@ def _distinct_planes(s: SmoothSurface, planes: list[Region], directions: list[Fl
     return found
 
 
+def _with_axes(directions: list[Floats], regions: list[Region]) -> list[Floats]:
+    """The directions of planes, and the axes of cylinders that are parallel to none of them, the largest first."""
+    axes = [r.surface.axis for r in sorted(regions, key=lambda r: -len(r.vertices)) if isinstance(r.surface, Cylinder)]
+    found = list(directions)
+    for axis in axes:
+        if all(abs(d @ axis) < LEANING for d in found):
+            found.append(axis)
+    return found
+
+
+def _narrow_planes(
+    s: SmoothSurface, regions: list[Region], directions: list[Floats], known: list[Region]
+) -> list[Region]:
+    """Planes across known directions among what belongs to no region, as the ends of a tube's wall: too narrow for a
+    seed. What lies on one of the `known` is its rim, or a step of it.
+    """
+    left = np.ones(len(s.middle), dtype=bool)
+    left[np.concatenate([r.vertices for r in regions])] = False
+    graph = sparse.csr_array((np.ones(len(s.neighbour), dtype=np.int8), s.neighbour, s.start))
+    found: list[Region] = []
+    for normal in [sign * d for d in directions for sign in (1.0, -1.0)]:
+        rows = np.flatnonzero(left & (s.normal @ normal > NARROW_LEVEL))
+        n, group = csgraph.connected_components(graph[rows][:, rows], directed=False)
+        for number in np.flatnonzero(np.bincount(group, minlength=n) >= LEAST_NARROW).tolist():
+            members = rows[group == number]
+            plane = Plane(normal, float((s.middle[members] @ normal).mean()))
+            flat = (np.abs(plane.distance(s.middle[members])) <= WITHIN).all()
+            if flat and not any(_is_rim(s, members, r) for r in known):
+                found.append(Region(plane, members))
+                left[members] = False
+    return found
+
+
+def _is_rim(s: SmoothSurface, vertices: Ints, region: Region) -> bool:
+    """Whether vertices lie on a round region's surface, or beside a plane and face as it does."""
+    x = s.middle[vertices]
+    if not isinstance(region.surface, Plane):
+        return _lies_on(region.surface, x)
+    alike = float((s.normal[vertices] @ region.surface.normal_vector).mean()) > NARROW_LEVEL
+    return alike and float(np.abs(region.surface.distance(x)).max()) < BESIDE_PLANE
+
+
 def _flattened(s: SmoothSurface, region: Region) -> Region:
     """A plane in place of a round surface where it fits as well: a wall between two roundings takes some of them in."""
     if isinstance(region.surface, Plane):
         return region
     x, normals = s.middle[region.vertices], s.normal[region.vertices]
     plane = fit_plane_through(x, normals)
-    level = (normals @ plane.normal_vector > LEVEL).mean() >= SHARE
+    allowed = LEVEL if isinstance(region.surface, Cylinder) else NARROW_LEVEL
+    level = (normals @ plane.normal_vector > allowed).mean() >= SHARE
     return Region(plane, region.vertices) if level and _lies_on(plane, x) else region
 
 
