@@ -20,8 +20,6 @@ million triangles have fifteen million pairs of boxes that meet.
 a, b   (3, 3) corners of the first and second triangle of a pair
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -65,51 +63,72 @@ def crossing_triangles(vertices: Floats, face_vertices: Ints, *, margin: float |
 def box_pairs(low: Floats, high: Floats) -> Ints:
     """(P, 2) every pair i < j of axis-parallel boxes that have a point in common; low, high (N, 3)."""
     order = near_order(low, high)
-    pairs = np.array(list(_meeting(box_tree(low[order], high[order]), len(order))), dtype=np.int64).reshape(-1, 2)
-    return np.sort(order[pairs], axis=1)
+    return np.sort(order[_meeting(box_tree(low[order], high[order]), len(order))], axis=1)
 
 
 @njit(cache=True)
-def _meeting(tree: Floats, count: int) -> Iterator[tuple[int, int]]:
-    """Pairs i < j of the first `count` leaves whose boxes meet."""
-    n = len(tree) // 2
-    waiting = np.empty(DEEPEST, dtype=np.int64)
+def _meeting(tree: Floats, count: int) -> Ints:
+    """(P, 2) pairs i < j of the first `count` leaves whose boxes meet."""
+    found = [(0, 0) for _ in range(0)]
+    waiting, met = np.empty(DEEPEST, dtype=np.int64), np.empty(count, dtype=np.int64)
     for i in range(count):
-        box = tree[n + i]
-        waiting[0], left = 1, 1
-        while left > 0:
-            left -= 1
-            node = waiting[left]
-            other = tree[node]
-            if not (
-                box[0] <= -other[3] and other[0] <= -box[3] and box[1] <= -other[4] and other[1] <= -box[4]
-                and box[2] <= -other[5] and other[2] <= -box[5]
-            ):  # fmt: skip
-                continue
-            if node >= n:
-                if node - n > i:
-                    yield i, node - n
-                continue
-            last = 2 * node + 1  # its last leaf
-            while last < n:
-                last = 2 * last + 1
-            if last - n > i:
-                waiting[left], waiting[left + 1] = 2 * node + 1, 2 * node
-                left += 2
+        for k in range(_met_by(tree, i, waiting, met)):
+            found.append((i, met[k]))
+    return _pairs(found)
+
+
+@njit(cache=True)
+def _pairs(found: list[tuple[int, int]]) -> Ints:
+    pairs = np.empty((len(found), 2), dtype=np.int64)
+    for k in range(len(found)):
+        pairs[k, 0], pairs[k, 1] = found[k]
+    return pairs
+
+
+@njit(cache=True)
+def _met_by(tree: Floats, leaf: int, waiting: Ints, met: Ints) -> int:
+    """How many of the leaves after one have boxes that meet its own; their numbers go into `met`.
+
+    No generator: a program that finds one compiled by another program cannot compile what uses it.
+    """
+    n, n_met = len(tree) // 2, 0
+    box = tree[n + leaf]
+    waiting[0], left = 1, 1
+    while left > 0:
+        left -= 1
+        node = waiting[left]
+        other = tree[node]
+        if not (
+            box[0] <= -other[3] and other[0] <= -box[3] and box[1] <= -other[4] and other[1] <= -box[4]
+            and box[2] <= -other[5] and other[2] <= -box[5]
+        ):  # fmt: skip
+            continue
+        if node >= n:
+            if node - n > leaf:
+                met[n_met] = node - n
+                n_met += 1
+            continue
+        last = 2 * node + 1  # its last leaf
+        while last < n:
+            last = 2 * last + 1
+        if last - n > leaf:
+            waiting[left], waiting[left + 1] = 2 * node + 1, 2 * node
+            left += 2
+    return n_met
 
 
 @njit(cache=True)
 def _cutting(corners: Floats, normals: Floats, order: Ints, tree: Floats, margin: float) -> Ints:
     """(P, 2) triangles, the smaller number first, that overlap by more than the margin on every separating axis."""
     found = [(0, 0) for _ in range(0)]
-    for i, j in _meeting(tree, len(order)):
-        first, second = min(order[i], order[j]), max(order[i], order[j])
-        if _cut(corners[first], corners[second], normals[first], normals[second], margin):
-            found.append((first, second))
-    pairs = np.empty((len(found), 2), dtype=np.int64)
-    for k in range(len(found)):
-        pairs[k, 0], pairs[k, 1] = found[k]
-    return pairs
+    waiting, met = np.empty(DEEPEST, dtype=np.int64), np.empty(len(order), dtype=np.int64)
+    for i in range(len(order)):
+        for k in range(_met_by(tree, i, waiting, met)):
+            j = met[k]
+            first, second = min(order[i], order[j]), max(order[i], order[j])
+            if _cut(corners[first], corners[second], normals[first], normals[second], margin):
+                found.append((first, second))
+    return _pairs(found)
 
 
 @njit(cache=True)
