@@ -58,12 +58,14 @@ class Recognised:
 
 def recognised(s: SmoothSurface, regions: list[Region]) -> Recognised:
     """The distinct surfaces under the regions."""
-    regions = [_flattened(s, r) for r in regions]
+    regions = [_flattened(s, r, LEVEL) for r in regions]
     others = _joined(s, [r for r in regions if not isinstance(r.surface, Plane)])
     planes = [r for r in regions if isinstance(r.surface, Plane) and not _is_part(s, r, others)]
     directions = _directions([(_normal(r), _scatter(s, r)) for r in planes])
     others = _joined(s, [_upright(s, r, directions) for r in others])
     directions = _with_axes(directions, others)
+    others, ends = _without_ends(s, others, directions)
+    planes += ends
     planes += _narrow_planes(s, regions, directions, [*planes, *others])
     flat = _distinct_planes(s, planes, directions)
     blends, round_ones = _blends(s, others, flat)
@@ -166,15 +168,30 @@ def _is_rim(s: SmoothSurface, vertices: Ints, region: Region) -> bool:
     return alike and float(np.abs(region.surface.distance(x)).max()) < BESIDE_PLANE
 
 
-def _flattened(s: SmoothSurface, region: Region) -> Region:
-    """A plane in place of a round surface where it fits as well: a wall between two roundings takes some of them in."""
+def _flattened(s: SmoothSurface, region: Region, level: float) -> Region:
+    """A plane in place of a round surface where it fits as well: a wall between two roundings takes some of them in.
+
+    level  cosine that most normals make with the plane's, at least
+    """
     if isinstance(region.surface, Plane):
         return region
     x, normals = s.middle[region.vertices], s.normal[region.vertices]
     plane = fit_plane_through(x, normals)
-    allowed = LEVEL if isinstance(region.surface, Cylinder) else NARROW_LEVEL
-    level = (normals @ plane.normal_vector > allowed).mean() >= SHARE
-    return Region(plane, region.vertices) if level and _lies_on(plane, x) else region
+    is_level = (normals @ plane.normal_vector > level).mean() >= SHARE
+    return Region(plane, region.vertices) if is_level and _lies_on(plane, x) else region
+
+
+def _without_ends(
+    s: SmoothSurface, regions: list[Region], directions: list[Floats]
+) -> tuple[list[Region], list[Region]]:
+    """The round regions, and as planes those that are ends across a known direction: narrow ones pass for spheres."""
+    round_ones: list[Region] = []
+    ends: list[Region] = []
+    for region in regions:
+        flat = region if isinstance(region.surface, Cylinder) else _flattened(s, region, NARROW_LEVEL)
+        is_end = isinstance(flat.surface, Plane) and any(abs(d @ _normal(flat)) > LEANING for d in directions)
+        (ends if is_end else round_ones).append(flat if is_end else region)
+    return round_ones, ends
 
 
 def _joined(s: SmoothSurface, regions: list[Region]) -> list[Region]:

@@ -125,3 +125,17 @@ def test_a_pocket_has_eight_rounded_edges_and_no_wall_bent_into_them():
     part = analytic_part(rounded_pocket(n, rotation([3, 4, 1], 28.0)))
     assert all(isinstance(s, Plane) for s in part.surfaces) and len(part.surfaces) == 11
     assert [b.radius / n for b in part.blends] == pytest.approx([0.07] * 8, abs=0.005)
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), rotation([1, 2, 5], 33.0)], ids=["along the grid", "turned"])
+def test_the_ends_of_a_thin_tube_are_planes(turn):
+    n = 100
+    x, y, z = np.moveaxis(centres(n) @ turn, -1, 0)
+    wall = (np.hypot(x, y) < 0.25 * n) & (np.hypot(x, y) > 0.2 * n)
+    part = analytic_part(VoxelGrid(solid=wall & (np.abs(z) < 0.3 * n), name="tube"))
+    ends = [s for s in part.surfaces if isinstance(s, Plane)]
+    assert sorted(s.radius / n for s in part.surfaces if isinstance(s, Cylinder)) == pytest.approx(
+        [0.2, 0.25], abs=3e-3
+    )
+    assert len(ends) == len(part.surfaces) - 2 == 2
+    assert all(abs(s.normal_vector @ turn[:, 2]) == pytest.approx(1.0, abs=1e-4) for s in ends)
