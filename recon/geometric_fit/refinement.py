@@ -150,6 +150,12 @@ def _keeps_shape(x: Floats, corners: tuple[int, int, int, int], most_turn: float
 
 
 @njit(cache=True)
+def _ends_and_tips(faces: Ints, side: int, other: int) -> tuple[int, int, int, int]:
+    """The ends a, b of an edge, which is a side of two faces, and the tips c, d of these."""
+    return faces[side], faces[next_side(side, 3)], faces[previous_side(side, 3)], faces[previous_side(other, 3)]
+
+
+@njit(cache=True)
 def _flip_all(faces: Ints, across: Ints, sharp: Bools, x: Floats, passes: int, most_turn: float, worst: float) -> None:
     """Flip in place, pass after pass, until no edge is left that gains."""
     surplus = np.full(len(x), -6)
@@ -164,8 +170,7 @@ def _flip_all(faces: Ints, across: Ints, sharp: Bools, x: Floats, passes: int, m
             other = across[side]
             if other < side or sharp[side]:
                 continue
-            a, b = faces[side], faces[next_side(side, 3)]
-            c, d = faces[previous_side(side, 3)], faces[previous_side(other, 3)]
+            a, b, c, d = _ends_and_tips(faces, side, other)
             # sum of squares: each end goes down by one, each tip up by one
             gain = surplus[a] + surplus[b] - surplus[c] - surplus[d] - 2
             if gain <= 0 or surplus[a] <= -3 or surplus[b] <= -3 or c == d:
@@ -203,8 +208,7 @@ def _flip_to_delaunay(faces: Ints, across: Ints, sharp: Bools, x: Floats, passes
             other = across[side]
             if other < side or sharp[side]:
                 continue
-            a, b = faces[side], faces[next_side(side, 3)]
-            c, d = faces[previous_side(side, 3)], faces[previous_side(other, 3)]
+            a, b, c, d = _ends_and_tips(faces, side, other)
             # the angles at both tips make more than two right angles where their cotangents have a negative sum
             if c == d or _cotangent(x[a], x[b], x[c]) + _cotangent(x[a], x[b], x[d]) > -1e-9:
                 continue
