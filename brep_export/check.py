@@ -27,6 +27,7 @@ from OCP.BRepCheck import BRepCheck_Status
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
+from brep_export.advance_copy import AdvanceCopy
 from brep_export.check_geometry import (
     angle_defects,
     edge_angles,
@@ -85,6 +86,7 @@ class CheckReport:
     max_smooth_edge_angle  the same along those that the shape says are smooth; None where it says so of none
     triangulation  the triangles of the shape, for pictures and mesh files
     seen           what was fetched of the shape, for the writers
+    copy           a STEP file that was written ahead and is being read, for the writers
     free_edges     polylines of the edges with one face
     """
 
@@ -102,6 +104,7 @@ class CheckReport:
     free_edges: tuple[tuple[Point, ...], ...] = ()
     read_back: ReadBack | None = None
     seen: Survey | None = None
+    copy: AdvanceCopy | None = None
 
     @property
     def passed(self) -> bool:
@@ -168,30 +171,39 @@ def check(
     *,
     expect: ShapeKind = ShapeKind.SOLID,
     deflection: float | None = None,
+    copy: AdvanceCopy | None = None,
 ) -> CheckReport:
     """Draw every line of the gate that applies; never raises on a bad shape, and never changes it.
 
     expect      SOLID: one or several solids and nothing else; SHELL, FACE, EDGE: one, open or closed; COMPOUND: any
                 mixture with faces
     deflection  length, how far triangles may stay from the faces; a thousandth of the diagonal when None
+    copy        of this shape, where one was written ahead: what it saw and measured is not asked for again
     """
     if shape.IsNull():
         return CheckReport(expect, None, (Defect("no-shape", "there is no shape"),))
     try:
-        return _drawn(shape, tolerance, expect, deflection=deflection)
+        return _drawn(shape, tolerance, expect, deflection=deflection, copy=copy)
     except KERNEL_FAILURES as failure:
         sentence = f"the kernel gave up looking at the shape ({type(failure).__name__})"
         return CheckReport(expect, None, (Defect("kernel-failure", sentence),))
 
 
-def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, deflection: float | None) -> CheckReport:
-    seen = survey(shape)
+def _drawn(
+    shape: TopoDS_Shape,
+    tolerance: Tolerance,
+    expect: ShapeKind,
+    *,
+    deflection: float | None,
+    copy: AdvanceCopy | None,
+) -> CheckReport:
+    seen = copy.seen if copy else survey(shape)
     uses = seen.uses
     if not uses.faces and expect is ShapeKind.EDGE:
         return _drawn_edge(shape, tolerance)
     if not uses.faces:
         return CheckReport(expect, None, (Defect("no-face", "the shape has no faces"),))
-    measures = measure(shape, seen=seen)
+    measures = copy.measures if copy else measure(shape, seen=seen)
     closing = closing_defects(uses)
     structure = closing + edge_use_defects(uses) + ([] if closing else _free_edge_defects(uses))
     gaps, angles = edge_gaps(uses), edge_angles(seen)
@@ -218,6 +230,7 @@ def _drawn(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, *, defl
         triangulation=triangles.mesh,
         free_edges=tuple(tuple(edge_polyline(edge)) for edge in free),
         seen=seen,
+        copy=copy,
     )
 
 

@@ -9,14 +9,14 @@ from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_BSplineSurface
 from OCP.TopoDS import TopoDS_Face
 
+from brep_export.bulk_splines import SplineRecord, surface_records
 from brep_export.curves import full_knots
-from brep_export.occ_arrays import numbers_from_kernel, point_grid_from_kernel
 
 __all__ = ["FaceNets", "NetGroup", "face_nets"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-_Key = tuple[int, int, bytes, bytes]
+_Key = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], bytes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,35 +60,24 @@ class FaceNets:
 
 def face_nets(faces: Sequence[TopoDS_Face]) -> FaceNets:
     """The control nets of the faces, whole or trimmed, where these are plain B-splines."""
+    found = [(number, BRep_Tool.Surface_s(face)) for number, face in enumerate(faces)]
+    splines = [(number, surface) for number, surface in found if isinstance(surface, Geom_BSplineSurface)]
     rows: dict[_Key, list[int]] = {}
     nets: dict[_Key, list[Floats]] = {}
-    for number, face in enumerate(faces):
-        surface = BRep_Tool.Surface_s(face)
-        if not isinstance(surface, Geom_BSplineSurface):
-            continue
-        key = _key(surface)
-        if key is not None:
+    for (number, _), record in zip(splines, surface_records([surface for _, surface in splines])):
+        if record is not None:
+            key = record.degrees, record.counts, record.n_knots, record.tail
             rows.setdefault(key, []).append(number)
-            nets.setdefault(key, []).append(point_grid_from_kernel(surface.Poles()))
-    groups = [
-        NetGroup(np.array(rows[k]), k[:2], (np.frombuffer(k[2]), np.frombuffer(k[3])), np.array(nets.pop(k)))
-        for k in rows
-    ]
-    return FaceNets(len(faces), tuple(groups))
+            nets.setdefault(key, []).append(record.poles)
+    groups = [_group(key, rows[key], nets.pop(key)) for key in rows]
+    return FaceNets(len(faces), tuple(group for group in groups if group is not None))
 
 
-def _key(surface: Geom_BSplineSurface) -> _Key | None:
-    """Degrees and knots; None for a surface that is rational, periodic or not clamped."""
-    if surface.IsURational() or surface.IsVRational() or surface.IsUPeriodic() or surface.IsVPeriodic():
+def _group(key: _Key, rows: list[int], nets: list[Floats]) -> NetGroup | None:
+    """None where the surfaces are not clamped."""
+    degrees, counts, n_knots, tail = key
+    (u, repeat_u), (v, repeat_v) = SplineRecord(degrees, counts, n_knots, nets[0], tail).knots()
+    if min(repeat_u[0], repeat_u[-1]) <= degrees[0] or min(repeat_v[0], repeat_v[-1]) <= degrees[1]:
         return None
-    p, q = surface.UDegree(), surface.VDegree()
-    if surface.NbUPoles() == p + 1 and surface.NbVPoles() == q + 1 and surface.NbUKnots() == surface.NbVKnots() == 2:
-        u0, u1, v0, v1 = surface.Bounds()  # a Bezier patch: nothing to ask beyond its domain
-        return p, q, np.repeat([u0, u1], p + 1).tobytes(), np.repeat([v0, v1], q + 1).tobytes()
-    if min(surface.UMultiplicity(1), surface.UMultiplicity(surface.NbUKnots())) <= p:
-        return None
-    if min(surface.VMultiplicity(1), surface.VMultiplicity(surface.NbVKnots())) <= q:
-        return None
-    u = full_knots(numbers_from_kernel(surface.UKnots()), numbers_from_kernel(surface.UMultiplicities()))
-    v = full_knots(numbers_from_kernel(surface.VKnots()), numbers_from_kernel(surface.VMultiplicities()))
-    return p, q, u.tobytes(), v.tobytes()
+    knots = full_knots(u, repeat_u), full_knots(v, repeat_v)
+    return NetGroup(np.array(rows), (degrees[0], degrees[1]), knots, np.array(nets).reshape(-1, *counts, 3))

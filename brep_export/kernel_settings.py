@@ -1,9 +1,10 @@
-"""The kernel's global state, kept in one place: its exceptions, its printing, its exchange settings.
+"""The kernel's global state, kept in one place: its exceptions, its printing, its exchange settings, its threads.
 
 STEP and IGES are steered by named settings that outlive the call which sets them, and the kernel talks to stdout,
 where results go.  Both are changed for the length of one `with` block and put back.
 """
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
@@ -13,7 +14,7 @@ from OCP.Interface import Interface_Static
 from OCP.Message import Message
 from OCP.STEPControl import STEPControl_Controller
 
-__all__ = ["KERNEL_FAILURES", "exchange_settings", "quiet_kernel"]
+__all__ = ["KERNEL_FAILURES", "exchange_settings", "kernel_threads", "quiet_kernel"]
 
 KERNEL_FAILURES: tuple[type[Exception], ...] = tuple(
     kind
@@ -22,6 +23,14 @@ KERNEL_FAILURES: tuple[type[Exception], ...] = tuple(
     if isinstance(kind, type) and issubclass(kind, Exception)
 )
 """Everything that the kernel raises; its exceptions have no common ancestor of their own."""
+
+
+def kernel_threads() -> int:
+    """How much may be done at once: OMP_NUM_THREADS where that is set, else one for every processor there is."""
+    told = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    if told.strip().isdigit():
+        return max(int(told), 1)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

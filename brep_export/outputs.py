@@ -3,11 +3,13 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
+from brep_export.advance_copy import AdvanceCopy
 from brep_export.brep_file import write_brep
 from brep_export.file_header import FileHeader
 from brep_export.iges import write_iges
@@ -39,7 +41,7 @@ class Consignment:
     mesh      triangles of the shape, for the mesh formats; None for one without faces
     beside    further files that belong to the same result, each with the function that writes it
     colours   (V, 4) of the mesh's vertices, for the formats that hold them
-    measures, seen  of the shape, where they are known already
+    measures, seen, copy  of the shape, where they are known already, and a STEP file that was written ahead
     """
 
     shape: TopoDS_Shape
@@ -50,6 +52,7 @@ class Consignment:
     colours: NDArray[np.uint8] | None = None
     measures: ShapeMeasures | None = None
     seen: Survey | None = None
+    copy: AdvanceCopy | None = None
 
 
 def write_outputs(
@@ -114,7 +117,8 @@ def _write_one(one: Consignment, place: tuple[Path, Path], *, schema: StepSchema
     ending = path.suffix.lower()
     try:
         if ending in STEP_ENDINGS:
-            return write_step(one.shape, written, header=one.header, schema=schema, measures=measures, seen=one.seen)
+            known: dict[str, Any] = {"measures": measures, "seen": one.seen, "copy": one.copy}
+            return write_step(one.shape, written, header=one.header, schema=schema, **known)
         if ending in IGES_ENDINGS:
             return write_iges(one.shape, written, header=one.header, measures=measures)
         if ending in BREP_ENDINGS:

@@ -12,6 +12,7 @@ few lines serve all of them:
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,12 +25,12 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from brep_export.bulk_splines import SplineRecord, curve_records
 from brep_export.check_geometry import max_tolerance
 from brep_export.check_topology import EdgeUses, ShapeKind
 from brep_export.face_nets import NetGroup
 from brep_export.file_header import FileHeader
 from brep_export.measures import ShapeMeasures
-from brep_export.occ_arrays import numbers_from_kernel, points_from_kernel
 from brep_export.step_text import UNITS, StepText, add_product, directions, number_list, real
 from brep_export.survey import Survey, survey
 
@@ -104,13 +105,12 @@ def _parts(shape: TopoDS_Shape, seen: Survey) -> _Parts | None:
             return None
     if not (seen.straight | ~grouped[uses.face]).all() or _has_seams(uses):
         return None
-    curves = [_curve(BRep_Tool.Curve_s(edge, 0.0, 0.0)) for edge in uses.edges]
-    known = [curve for curve in curves if curve is not None]
+    curves = _curves(uses)
     vertices, ends = _vertices(uses)
     loops = _loops(uses, ends)
-    if len(known) < len(curves) or loops is None or sum(map(len, loops)) != _count(shape, TopAbs_ShapeEnum.TopAbs_WIRE):
+    if curves is None or loops is None or sum(map(len, loops)) != _count(shape, TopAbs_ShapeEnum.TopAbs_WIRE):
         return None
-    return _Parts(seen, planes, known, vertices, ends, loops)
+    return _Parts(seen, planes, curves, vertices, ends, loops)
 
 
 def _count(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
@@ -124,21 +124,29 @@ def _has_seams(uses: EdgeUses) -> bool:
     return len(np.unique(pairs, axis=0)) < len(pairs)
 
 
-def _curve(curve: object) -> _Curve | None:
-    if isinstance(curve, Geom_Line):
-        axis = curve.Position()
-        return _Curve(0, "", np.array([axis.Location().Coord(), axis.Direction().Coord()]))
-    if not isinstance(curve, Geom_BSplineCurve) or curve.IsRational() or curve.IsPeriodic():
+def _curves(uses: EdgeUses) -> list[_Curve] | None:
+    """Of every edge; None where one is neither a line nor a polynomial B-spline."""
+    found = [BRep_Tool.Curve_s(edge, 0.0, 0.0) for edge in uses.edges]
+    if not all(isinstance(curve, Geom_Line | Geom_BSplineCurve) for curve in found):
         return None
-    knots, counts = _knots(curve)
-    text = f"({','.join(map(str, counts))}),({','.join(map(real, knots))})"
-    return _Curve(curve.Degree(), text, points_from_kernel(curve.Poles()))
+    records = iter(curve_records([curve for curve in found if isinstance(curve, Geom_BSplineCurve)]))
+    known = [_line(curve) if isinstance(curve, Geom_Line) else _spline(next(records)) for curve in found]
+    return None if any(curve is None for curve in known) else [curve for curve in known if curve is not None]
 
 
-def _knots(curve: Geom_BSplineCurve) -> tuple[list[float], list[int]]:
-    if curve.NbKnots() == 2:
-        return [curve.FirstParameter(), curve.LastParameter()], [curve.Multiplicity(1), curve.Multiplicity(2)]
-    return numbers_from_kernel(curve.Knots()).tolist(), numbers_from_kernel(curve.Multiplicities()).tolist()
+def _line(line: Geom_Line) -> _Curve:
+    axis = line.Position()
+    return _Curve(0, "", np.array([axis.Location().Coord(), axis.Direction().Coord()]))
+
+
+def _spline(record: SplineRecord | None) -> _Curve | None:
+    return None if record is None else _Curve(record.degrees[0], _knot_text(record.n_knots, record.tail), record.poles)
+
+
+@lru_cache(maxsize=256)
+def _knot_text(n_knots: tuple[int, ...], tail: bytes) -> str:
+    (values, counts), *_ = SplineRecord((), (), n_knots, np.empty((0, 3)), tail).knots()
+    return f"({','.join(map(str, counts.tolist()))}),({','.join(map(real, values.tolist()))})"
 
 
 def _vertices(uses: EdgeUses) -> tuple[Floats, Ints]:

@@ -25,6 +25,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_Area, XCAFDoc_Centroid, XCAFDoc_DocumentTool, XCAFDoc_Volume
 
+from brep_export.advance_copy import AdvanceCopy
 from brep_export.check_topology import sub_shapes
 from brep_export.file_header import ORIGIN, FileHeader
 from brep_export.kernel_settings import KERNEL_FAILURES, exchange_settings
@@ -52,14 +53,19 @@ def write_step(
     schema: StepSchema = StepSchema.AP214,
     measures: ShapeMeasures | None = None,
     seen: Survey | None = None,
+    copy: AdvanceCopy | None = None,
 ) -> ReadBack:
     """Write a shape to exactly this path, read it again, and say whether it is the same.
 
     measures, seen  of the shape, when they are known already
+    copy      of the shape, as AP214 with this header, where one was written ahead: it is moved here
     Returns   the comparison; the file stays whatever it says
     Raises    NotWritten when the kernel cannot write the shape or the file.
     """
     path, measures = Path(path), measures or measure(shape, seen=seen)
+    if copy is not None and copy.path.exists() and (schema, header) == (StepSchema.AP214, copy.header):
+        found = copy.move_to(path)
+        return compare(measures, found or measure(read_cad(path, unit=str(header.unit))))
     try:
         plain = schema is StepSchema.AP214 and write_spline_text(shape, path, header, measures, seen)
         if not plain:

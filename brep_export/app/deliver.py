@@ -1,7 +1,7 @@
 """From a kernel shape to files on disk and the JSON object: gate, writers, picture, all or nothing."""
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
+from brep_export.advance_copy import AdvanceCopy, advance_copy
 from brep_export.app.exhibits import SCENE, length_unit, picture_name
 from brep_export.app.outputs import MESH_ENDINGS
 from brep_export.app.scene import Measured, ScenePart, shape_parts, write_scene
@@ -19,21 +20,36 @@ from brep_export.app.workshop import Bench
 from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.file_header import FileHeader, LengthUnit
 from brep_export.outputs import Consignment, write_together
-from brep_export.read_back import ReadBack
+from brep_export.read_back import STEP_ENDINGS, ReadBack
 from brep_export.step import StepSchema
 from recon.errors import GateFailed
 from recon.tolerance import Tolerance
 
-__all__ = ["Delivery", "Parcel", "exhibit", "gate", "print_formats", "write_files", "write_parcels"]
+__all__ = ["Delivery", "Parcel", "copied_ahead", "exhibit", "gate", "print_formats", "write_files", "write_parcels"]
 
 Delivery = tuple[CheckReport, list[str]]
 Painter = Callable[[Path], None]
 
 
-def gate(shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, bench: Bench) -> CheckReport:
+def gate(
+    shape: TopoDS_Shape, tolerance: Tolerance, expect: ShapeKind, bench: Bench, copy: AdvanceCopy | None = None
+) -> CheckReport:
     """Draw the gate's lines on the shape; the report says what came out."""
     with bench.phase("check", "proving the shape"):
-        return check(shape, tolerance, expect=expect)
+        return check(shape, tolerance, expect=expect, copy=copy)
+
+
+@contextmanager
+def copied_ahead(shape: TopoDS_Shape, request: Mapping[str, Any], bench: Bench) -> Iterator[AdvanceCopy | None]:
+    """The first STEP file that is asked for, written ahead for those shapes where that saves time; for `gate`."""
+    paths = [path for path in request["outputs"] if Path(path).suffix.lower() in STEP_ENDINGS]
+    if not paths or request.get("schema", "AP214") != "AP214":
+        yield None
+        return
+    with ExitStack() as block:
+        with bench.phase("write", "writing ahead"):
+            copy = block.enter_context(advance_copy(shape, paths[0], _header(request), announce=bench.staged))
+        yield copy
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +148,7 @@ def exhibit(
 
 
 def _written(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: Bench) -> list[Delivery]:
-    header = FileHeader(name=request.get("name") or "missing piece", unit=LengthUnit(request.get("header_unit", "MM")))
+    header = _header(request)
     with bench.phase("write", "writing and reading back"):
         read_back = write_together(
             [
@@ -145,6 +161,7 @@ def _written(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: Bench
                     p.colours,
                     p.report.measures,
                     p.report.seen,
+                    p.report.copy,
                 )
                 for p in parcels
             ],
@@ -153,6 +170,10 @@ def _written(parcels: Sequence[Parcel], request: Mapping[str, Any], bench: Bench
             announce=bench.staged,
         )
     return [(_with_worst(p.report, back), [*p.outputs, *p.others]) for p, back in zip(parcels, read_back)]
+
+
+def _header(request: Mapping[str, Any]) -> FileHeader:
+    return FileHeader(name=request.get("name") or "missing piece", unit=LengthUnit(request.get("header_unit", "MM")))
 
 
 def _with_worst(report: CheckReport, read_back: tuple[ReadBack, ...]) -> CheckReport:

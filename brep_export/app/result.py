@@ -90,12 +90,15 @@ def statistics(distances: Any, *, unit: str, against: str) -> dict[str, Any]:
 
 
 def peak_memory_mb() -> float | None:
-    """Largest resident memory of this process so far, in MiB; None where the system does not tell."""
+    """Largest resident memory of this process so far, and of the largest that it started and outlived, in MiB.
+
+    None where the system does not tell.
+    """
     if sys.platform == "win32":
         return None
     import resource
 
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = sum(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
-from brep_export.app.deliver import gate, write_files
+from brep_export.app.deliver import copied_ahead, gate, write_files
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import result
 from brep_export.app.scene import Measured, line_part, point_part
@@ -61,22 +61,24 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         bench.note(note, name="ground")
     with bench.phase("brep", "building the shape"):
         shape, kind, scale = _shape(whole, request)
-    report = gate(shape, TOLERANCE, kind, bench)
     room["g1_max_deg"] = _g1_max_deg(whole)
     beside = {path: partial(_write_lines, lines, ground) for path in _line_files(request)}
     beside |= {
         sidecar(path): partial(write_sidecar, ground.origin, ground.crs, scale) for path in _shape_files(request)
     }
-    report, written = write_files(
-        shape,
-        report,
-        dict(request) | {"name": request["name"] or "terrain", "outputs": _shape_files(request)},
-        bench,
-        paint=partial(paint, shape, report),
-        beside=beside,
-        measured=partial(_measured, contours, ground, against, stretch_of(request)),
-        sheets=[partial(_draw_map, contours, ground, against)],
-    )
+    asked = dict(request) | {"name": request["name"] or "terrain", "outputs": _shape_files(request)}
+    with copied_ahead(shape, asked, bench) as copy:
+        report = gate(shape, TOLERANCE, kind, bench, copy)
+        report, written = write_files(
+            shape,
+            report,
+            asked,
+            bench,
+            paint=partial(paint, shape, report),
+            beside=beside,
+            measured=partial(_measured, contours, ground, against, stretch_of(request)),
+            sheets=[partial(_draw_map, contours, ground, against)],
+        )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
         "terrain",

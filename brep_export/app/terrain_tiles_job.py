@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from OCP.TopoDS import TopoDS_Shape
 
-from brep_export.app.deliver import gate, write_files
+from brep_export.app.deliver import copied_ahead, gate, write_files
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result
 from brep_export.app.terrain_job import TOLERANCE, lowest_place, paint, scale_of, sidecar, stretch_of, write_sidecar
@@ -154,8 +154,7 @@ def _one(order: _Order, tile: Place, tiles: MapTiles, into: tuple[_Made, Bench, 
         row = {"tile": _label(tile), "patches": ground.n_patches,
                "g1_max_deg": float(np.degrees(edge_angles(ground).max(initial=0.0)))}  # fmt: skip
     shape, kind = _shape(order, network)
-    report = gate(shape, TOLERANCE, kind, bench)
-    report, written = _write(order, shape, report, (_names(order, tile), f"-{_label(tile)}", bench))
+    report, written = _proven(order, shape, kind, (_names(order, tile), f"-{_label(tile)}", bench))
     made.rows.append(row)
     made.reports.append(report)
     made.written.extend(written)
@@ -174,8 +173,7 @@ def _joined(order: _Order, tiles: MapTiles, bench: Bench) -> _Made:
     border = float(np.degrees(border_angles(networks).max(initial=0.0)))
     with bench.phase("brep", "joining the tiles"):
         shape, kind = _shape(order, joined_network(networks))
-    report = gate(shape, TOLERANCE, kind, bench)
-    report, written = _write(order, shape, report, (order.request["outputs"], "", bench))
+    report, written = _proven(order, shape, kind, (order.request["outputs"], "", bench))
     return _Made(made.rows, [report], written, [str(defect) for defect in report.defects], border)
 
 
@@ -191,16 +189,19 @@ def _shape(order: _Order, network: PatchNetwork) -> tuple[TopoDS_Shape, ShapeKin
     return block_solid(stretched(network, stretch), order.base * stretch[2], TOLERANCE), ShapeKind.SOLID
 
 
-def _write(
-    order: _Order, shape: TopoDS_Shape, report: CheckReport, to: tuple[list[str], str, Bench]
+def _proven(
+    order: _Order, shape: TopoDS_Shape, kind: ShapeKind, to: tuple[list[str], str, Bench]
 ) -> tuple[CheckReport, list[str]]:
+    """What the gate says of a shape, and the files that were written of it."""
     outputs, ending, bench = to
     request, plan = order.request, order.plan
     scale = scale_of(request["scale"])
     beside = {sidecar(path): partial(write_sidecar, plan.origin, plan.source.crs, scale) for path in outputs}
     name = (request["name"] or "terrain") + ending
     asked = dict(request) | {"name": name, "outputs": outputs}
-    return write_files(shape, report, asked, bench, paint=partial(paint, shape, report), beside=beside)
+    with copied_ahead(shape, asked, bench) as copy:
+        report = gate(shape, TOLERANCE, kind, bench, copy)
+        return write_files(shape, report, asked, bench, paint=partial(paint, shape, report), beside=beside)
 
 
 def _label(tile: Place) -> str:

@@ -26,7 +26,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from brep_export.app.orphans import die_with_parent
+from brep_export.orphans import die_with_parent
 from recon.errors import InputError, ReconError
 
 __all__ = ["Bench", "Exit", "Outcome", "run"]

@@ -3,7 +3,7 @@
 import sys
 
 from brep_export.app.cli import app
-from brep_export.app.orphans import die_with_parent
+from brep_export.orphans import die_with_parent
 
 if __name__ == "__main__":
     die_with_parent(int(sys.argv[1]))
