@@ -36,6 +36,9 @@ TIGHT_REACH, TIGHTER, MOST_NAMED = 1.5, 0.2, 5  # spacings around a place where 
 AT_ONCE = 1 << 14  # samples, which bounds the memory and keeps it near
 NEIGHBOURS = 12  # samples among which another strand is looked for
 BEND = 4.0  # two samples of one contour are on different strands when the way along it is so many times the way across
+APPROACH = (
+    4.0  # spacings before an end whose tangent is given: there a curve that keeps to that leaves the border in time
+)
 ROOM, LEAST = 0.2, 0.02  # share of the way to another strand, and of the tolerance, that a sample may miss
 SHORTEST = 1.5  # of what its points may miss: no shorter span is halved
 RING_SPANS = 6  # knot spans of a closed contour at least
@@ -160,8 +163,9 @@ def contour_samples(contours: ContourMap, spacing: float, ends: Floats | None = 
     first = np.r_[0, np.cumsum([len(p) for p in points])]
     contour = np.repeat(np.arange(len(points)), np.diff(first))
     rows = np.concatenate(points), np.concatenate(parameter), np.concatenate(weight), contour
-    room = np.minimum(_way_to_another_strand(*rows), _way_to_border(rows, closed, contours))
     ends = np.full((len(closed), 2, 2, 2), np.nan) if ends is None else ends
+    approach = np.where(np.isfinite(ends).any(axis=(1, 2, 3)), APPROACH * spacing, 0.0)
+    room = np.minimum(_way_to_another_strand(*rows), _way_to_border(rows, closed, approach, contours))
     return ContourSamples(*rows, room, first, closed, contours.heights, spacing, ends)
 
 
@@ -212,15 +216,20 @@ def _strange_ways(own: slice, tree: cKDTree, rows: tuple[Floats, Floats, Floats,
     return way
 
 
-def _way_to_border(rows: tuple[Floats, Floats, Floats, Ints], closed: Flags, contours: ContourMap) -> Floats:
-    """(m,) distance of every sample to the border of the map or a void, but for where its contour is about to end."""
+def _way_to_border(
+    rows: tuple[Floats, Floats, Floats, Ints], closed: Flags, approach: Floats, contours: ContourMap
+) -> Floats:
+    """(m,) distance of every sample to the border of the map or a void, but for where its contour is about to end.
+
+    approach  (C,) way to the end of each contour within which it is, however near the border it runs
+    """
     points, parameter, weight, contour = rows
     border = shapely.MultiLineString([contours.outline, *contours.voids])
     shapely.prepare(border)
     way = np.asarray(shapely.distance(border, shapely.points(points)))
     length = np.bincount(contour, weight)[contour]
     to_end = np.where(closed[contour], np.inf, np.minimum(parameter, length - parameter))
-    return np.where(to_end > BEND * way, way, np.inf)
+    return np.where(to_end > np.maximum(BEND * way, approach[contour]), way, np.inf)
 
 
 def _tightened(samples: ContourSamples, allowed: Floats, places: Floats) -> Floats:
