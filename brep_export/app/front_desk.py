@@ -25,13 +25,21 @@ from recon.errors import InputError, ReconError
 __all__ = ["answer"]
 
 
-def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> None:
+def answer(
+    command: str,
+    job: str,
+    options: Mapping[str, Any],
+    *,
+    planned_files: Callable[[Mapping[str, Any]], list[str]] = lambda request: request["outputs"],
+    **fixed: Any,
+) -> None:
     """Run a job, print its result on stdout and everything else on stderr, and exit with its status.
 
     command  as the user typed it
     job      `module:function`, see workshop.run
     options  the command's parameters by name, and under `usual` those that many commands take; as_json, quiet, timeout
              and dry_run are for the front desk, the rest for the job
+    planned_files  the files that a request leads to, for a plan
     fixed    what the command itself adds for its job
     """
     request = {key: _plain(value) for key, value in {**options, **options.get("usual", {}), **fixed}.items()}
@@ -43,7 +51,8 @@ def answer(command: str, job: str, options: Mapping[str, Any], **fixed: Any) -> 
         require_names(request["silence"] or ())
         if dry_run:
             check_destinations(request, make=False)
-            _tell_plan(plan(command, request), as_json=as_json)
+            planned = plan(command, {**request, "outputs": planned_files(request)})
+            _tell_plan(planned, as_json=as_json)
             raise typer.Exit
         check_destinations(request)
         work = partial(_watched, job, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)

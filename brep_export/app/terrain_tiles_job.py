@@ -13,6 +13,7 @@ from brep_export.app.deliver import copied_ahead, gate, write_files
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result
 from brep_export.app.terrain_job import TOLERANCE, lowest_place, paint, scale_of, sidecar, stretch_of, write_sidecar
+from brep_export.app.tile_names import KILOMETRE, chosen_tiles, tile_files, tile_label
 from brep_export.app.workshop import Bench, Exit
 from brep_export.blocks import block_solid
 from brep_export.check import CheckReport, ShapeKind
@@ -28,7 +29,6 @@ __all__ = ["terrain_tiles"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
-KILOMETRE = 1000.0
 NOT_BY_TILES = {  # options of `recon terrain` that look at a whole map, with what they would be left at
     "clip": None, "against": None, "contours": None, "attribute": None, "unit": None, "angle": None, "mend": False,
     "break_lines": False, "patches": "polynomial",
@@ -41,7 +41,7 @@ def terrain_tiles(request: Mapping[str, Any], bench: Bench) -> Answer:
     with bench.phase("read", "looking through the grid"):
         source = open_height_grid(request["inputs"][0], project=request["project"])
         plan = plan_tiles(source, request["interval"], KILOMETRE * request["tile"], request["tolerance"])
-    chosen = _chosen(request["only"], plan)
+    chosen = chosen_tiles(request["only"], plan.shape)
     base = _base(request, plan)
     tiles = MapTiles(plan)
     work = _joined if request["join"] else _one_by_one
@@ -109,23 +109,6 @@ def _check_request(request: Mapping[str, Any]) -> None:
         raise BadOption("--tile", "a picture or a page shows one shape: ask for it with --join")
 
 
-def _chosen(only: str | None, plan: TiledMap) -> list[Place]:
-    """The tiles asked for, row by row, from text such as 0-2,4-6: rows from the north, columns from the west."""
-    if only is None:
-        only = f"0-{plan.shape[0] - 1},0-{plan.shape[1] - 1}"
-    try:
-        rows, columns = (
-            range(int(first), int(last or first) + 1)
-            for first, _, last in (part.partition("-") for part in only.split(","))
-        )
-    except ValueError as problem:
-        raise BadOption("--only", f"give rows and columns of tiles, as 0-2,4-6, not {only!r}") from problem
-    tiles = [(r, c) for r in rows for c in columns]
-    if not tiles or rows[-1] >= plan.shape[0] or columns[-1] >= plan.shape[1]:
-        raise BadOption("--only", f"the map has {plan.shape[0]} rows and {plan.shape[1]} columns of tiles, from 0")
-    return tiles
-
-
 def _base(request: Mapping[str, Any], plan: TiledMap) -> float | None:
     """Height of the base, one for all tiles, so that they stand on one plane."""
     if request["base_level"] is not None:
@@ -135,14 +118,16 @@ def _base(request: Mapping[str, Any], plan: TiledMap) -> float | None:
 
 def _one_by_one(order: _Order, tiles: MapTiles, bench: Bench) -> _Made:
     made = _Made([], [], [], [])
-    check_destinations({**order.request, "outputs": [f for tile in order.tiles for f in _names(order, tile)]})
+    check_destinations(
+        {**order.request, "outputs": [f for tile in order.tiles for f in tile_files(order.request["outputs"], tile)]}
+    )
     for number, tile in enumerate(order.tiles, 1):
         try:
             _one(order, tile, tiles, (made, bench, f"tile {number} of {len(order.tiles)}"))
         except InputError:
             raise
         except ReconError as problem:
-            made.reasons.append(f"{_label(tile)}: {problem}")
+            made.reasons.append(f"{tile_label(tile)}: {problem}")
     return made
 
 
@@ -151,14 +136,16 @@ def _one(order: _Order, tile: Place, tiles: MapTiles, into: tuple[_Made, Bench, 
     with bench.phase("reconstruct", where):
         ground = tiles.tile(tile)
         network = terrain_network(ground)
-        row = {"tile": _label(tile), "patches": ground.n_patches,
+        row = {"tile": tile_label(tile), "patches": ground.n_patches,
                "g1_max_deg": float(np.degrees(edge_angles(ground).max(initial=0.0)))}  # fmt: skip
     shape, kind = _shape(order, network)
-    report, written = _proven(order, shape, kind, (_names(order, tile), f"-{_label(tile)}", bench))
+    report, written = _proven(
+        order, shape, kind, (tile_files(order.request["outputs"], tile), f"-{tile_label(tile)}", bench)
+    )
     made.rows.append(row)
     made.reports.append(report)
     made.written.extend(written)
-    made.reasons.extend(f"{_label(tile)}: {defect}" for defect in report.defects)
+    made.reasons.extend(f"{tile_label(tile)}: {defect}" for defect in report.defects)
 
 
 def _joined(order: _Order, tiles: MapTiles, bench: Bench) -> _Made:
@@ -169,7 +156,7 @@ def _joined(order: _Order, tiles: MapTiles, bench: Bench) -> _Made:
             ground = tiles.tile(tile)
             networks.append(terrain_network(ground))
             angle = float(np.degrees(edge_angles(ground).max(initial=0.0)))
-            made.rows.append({"tile": _label(tile), "patches": ground.n_patches, "g1_max_deg": angle})
+            made.rows.append({"tile": tile_label(tile), "patches": ground.n_patches, "g1_max_deg": angle})
     border = float(np.degrees(border_angles(networks).max(initial=0.0)))
     with bench.phase("brep", "joining the tiles"):
         shape, kind = _shape(order, joined_network(networks))
@@ -202,13 +189,3 @@ def _proven(
     with copied_ahead(shape, asked, bench) as copy:
         report = gate(shape, TOLERANCE, kind, bench, copy)
         return write_files(shape, report, asked, bench, paint=partial(paint, shape, report), beside=beside)
-
-
-def _label(tile: Place) -> str:
-    return f"r{tile[0]}-c{tile[1]}"
-
-
-def _names(order: _Order, tile: Place) -> list[str]:
-    """The files of a tile: name-r0-c0.step for name.step."""
-    paths = [Path(path) for path in order.request["outputs"]]
-    return [str(path.with_name(f"{path.stem}-{_label(tile)}{path.suffix}")) for path in paths]

@@ -26,7 +26,7 @@ from recon.terrain.contouring import clear_of_multiples, contours_through, least
 from recon.terrain.pipeline import SHARE_OF_SPACING, Terrain, TerrainOptions, terrain_surface
 from recon.terrain.seams import Stretch, node_vertex, seam_vertices
 
-__all__ = ["MapTiles", "Place", "TiledMap", "plan_tiles"]
+__all__ = ["MapTiles", "Place", "TiledMap", "lattice", "plan_tiles"]
 
 Floats = NDArray[np.float64]
 Place = tuple[int, int]
@@ -95,12 +95,20 @@ def plan_tiles(source: HeightSource, interval: float, size: float, tolerance: fl
     """
     if not 0 < interval < np.inf:
         raise BadOption("--interval", f"must be a positive height in metres, not {interval}")
-    lattice = [_cut(axis, size) for axis in (source.y, source.x)]
+    rows, columns = lattice(source, size)
     lowest, highest, step = _looked_through(source)
     if np.floor(lowest / interval) == np.floor(highest / interval):
         raise BadOption("--interval", f"{interval:g} m gives no contour between {lowest:g} and {highest:g} m")
     options = TerrainOptions(tolerance=tolerance or SHARE_OF_SPACING * point_spacing_of(source))
-    return TiledMap(source, lattice[0], lattice[1], interval, step, lowest, highest, options)
+    return TiledMap(source, rows, columns, interval, step, lowest, highest, options)
+
+
+def lattice(source: HeightSource, size: float) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Rows and columns of a grid between which tiles of about `size` metres lie; no height is looked at.
+
+    Raises  BadOption when a tile would be too small.
+    """
+    return _cut(source.y, size), _cut(source.x, size)
 
 
 def _cut(axis: Floats, size: float) -> tuple[int, ...]:

@@ -33,6 +33,19 @@ def test_every_tile_becomes_a_closed_block_in_a_file_of_its_own(ridge, tmp_path)
     assert sidecars[0] == sidecars[1]
 
 
+def test_a_dry_run_names_the_file_of_every_tile(ridge, tmp_path):
+    told = {}
+    for more in ((), ("--only", "0-1,0"), ("--join",)):
+        answer = run(ridge, "--tile", 0.2, "--base-depth", 20, "-o", tmp_path / "r.step", "--dry-run", *more)
+        told[more] = [path.rpartition("/")[2] for path in json.loads(answer.stdout)["outputs"]]
+    assert told[()] == ["r-r0-c0.step", "r-r0-c1.step", "r-r1-c0.step", "r-r1-c1.step"]
+    assert told["--only", "0-1,0"] == ["r-r0-c0.step", "r-r1-c0.step"]
+    assert told["--join",] == ["r.step"]
+    assert not list(tmp_path.glob("*.step"))
+    wrong = run(ridge, "--tile", 0.2, "--only", "5,0", "-o", tmp_path / "r.step", "--dry-run")
+    assert wrong.exit_code == 2 and "--only" in wrong.output
+
+
 def test_joined_tiles_are_one_solid_without_walls_within(ridge, tmp_path):
     answer = run(ridge, "--tile", 0.2, "--join", "--base-depth", 20, "-o", tmp_path / "r.step")
     result = json.loads(answer.stdout)

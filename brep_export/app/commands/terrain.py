@@ -8,6 +8,7 @@ import typer
 
 from brep_export.app.commands.options import RUNNING, WRITING, AllowOpen, Outputs, takes
 from brep_export.app.front_desk import answer
+from brep_export.app.tile_names import planned_files
 
 __all__ = ["terrain"]
 
@@ -109,4 +110,8 @@ def terrain(
     """Smooth mountain of G1 faces, or a solid, from contour lines."""
     if tile is None and (only is not None or join):
         raise typer.BadParameter("goes with --tile", param_hint="--join" if join else "--only")
-    answer("terrain", JOB if tile is None else TILES_JOB, locals() | {"more_endings": (".geojson",)}, header_unit="M")
+    options = locals() | {"more_endings": (".geojson",)}
+    if tile is None:
+        answer("terrain", JOB, options, header_unit="M")
+    else:
+        answer("terrain", TILES_JOB, options, planned_files=planned_files, header_unit="M")
