@@ -21,7 +21,8 @@ class ContourMap:
 
     lines    C polylines (n, 2), n >= 2, in metres; closed where the last point repeats the first
     heights  (C,) in metres
-    extent   (2, 2) lower left and upper right corner of the map; the lines' own bounding box when None
+    extent   (2, 2) lower left and upper right corner of the map; when None the lines' own bounding box, wider by the
+             way between two points on sides that no line ends on: a contour that only touches a side needs room there
     crs      name of the coordinate reference system, as the file gives it, or an empty text
     spots    (s, 3) places between the contours whose height is known
     voids    rings (n, 2), n >= 4, their first point repeated at the end, within which nothing was measured
@@ -54,8 +55,8 @@ class ContourMap:
         if short is not None:
             raise BadGeometry("contour map", f"contour {short} has one vertex only")
         if extent is None:
-            points = np.concatenate(frozen) if outline is None else np.asarray(outline, dtype=np.float64)
-            extent = np.array([points.min(axis=0), points.max(axis=0)])
+            around = None if outline is None else np.asarray(outline, dtype=np.float64)
+            extent = _roomy_box(frozen) if around is None else np.array([around.min(axis=0), around.max(axis=0)])
         object.__setattr__(self, "lines", frozen)
         object.__setattr__(self, "heights", frozen_floats(heights, (len(frozen),), "contour map: heights"))
         object.__setattr__(self, "extent", frozen_floats(extent, (2, 2), "contour map: extent"))
@@ -107,6 +108,21 @@ class ContourMap:
         for ring in self.voids:
             inside &= ~shapely.contains_xy(shapely.Polygon(ring), places[:, 0], places[:, 1])
         return np.asarray(inside)
+
+
+def _roomy_box(lines: Sequence[Floats]) -> Floats:
+    """(2, 2) the box around the lines, with room on the sides that they touch and do not end on.
+
+    An end in a corner of the box lies on the other side: a contour may run along a side from corner to corner.
+    """
+    points = np.concatenate(lines)
+    box = np.array([points.min(axis=0), points.max(axis=0)])
+    ends = np.array([line[[0, -1]] for line in lines if (line[0] != line[-1]).any()]).reshape(-1, 2)
+    steps = np.concatenate([np.linalg.norm(np.diff(line, axis=0), axis=1) for line in lines])
+    room = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    on_side = ends == box[:, None]  # (2, n, 2): low and high side, end, axis
+    beside = on_side & ~on_side.any(axis=0)[:, ::-1]
+    return box + np.where(beside.any(axis=1), 0.0, [[-room], [room]])
 
 
 def _ring(points: ArrayLike, what: str) -> Floats:

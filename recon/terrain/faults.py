@@ -1,5 +1,7 @@
 """What is wrong with a contour map, contour by contour: lines that cross, repeat or break off."""
 
+from collections import defaultdict
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -14,13 +16,13 @@ MOST_NAMED = 5
 
 
 def checked_contours(contours: ContourMap, tolerance: float, *, mend: bool) -> tuple[ContourMap, tuple[str, ...]]:
-    """The contours, and what a user should know of them: which break off inside the map, which were left out.
+    """The contours, and what a user should know of them: pieces joined, ends inside the map, what is left out.
 
     tolerance  metres within which an end counts as being on the border
     mend       leave out contours that repeat another one, where they are refused else
+    Promises   contours that go on where another of their height ends, and no third, are one.
     Raises     BadGeometry naming numbers and places, where contours cross, touch or repeat.
     """
-    lines = shapely.linestrings(np.concatenate(contours.lines), indices=_owners(contours))
     repeats = _repeats(contours)
     notes = []
     if repeats:
@@ -28,13 +30,57 @@ def checked_contours(contours: ContourMap, tolerance: float, *, mend: bool) -> t
         if not mend:
             raise BadGeometry("contours", f"{told}; leave them out with --mend")
         notes.append(f"left out: {told}")
-    kept = np.setdiff1d(np.arange(len(lines)), [b for _, b in repeats])
-    _refuse_crossings(lines, kept)
-    ends = [f"{i} near {_at(end)}" for i in kept.tolist() for end in _loose_ends(contours, i, tolerance)]
+    kept = np.setdiff1d(np.arange(len(contours.lines)), [b for _, b in repeats])
+    runs = _runs(contours, kept.tolist())
+    lines = [_run_together(contours, run) for run in runs]
+    numbers = [run[0][0] if len(run) == 1 else min(piece for piece, _ in run) for run in runs]
+    if len(runs) < len(kept):
+        parts = [f"{number} near {_at(line[0])}" for number, run, line in zip(numbers, runs, lines) if len(run) > 1]
+        notes.append(f"{len(parts)} contours come in pieces, which were joined: {_listed(parts)}")
+    whole = contours.with_lines(lines, contours.heights[numbers])
+    _refuse_crossings(whole, numbers)
+    ends = [f"{number} near {_at(end)}" for i, number in enumerate(numbers) for end in _loose_ends(whole, i, tolerance)]
     if ends:
         notes.append(f"{len(ends)} ends of contours break off inside the map: {_listed(ends)}")
-    part = [contours.lines[i] for i in kept.tolist()]
-    return contours.with_lines(part, contours.heights[kept]), tuple(notes)
+    return whole, tuple(notes)
+
+
+def _runs(contours: ContourMap, kept: list[int]) -> list[list[tuple[int, bool]]]:
+    """The pieces of every contour in a row, each with whether it runs backwards."""
+    meeting = defaultdict(list)
+    for i in kept:
+        line = contours.lines[i]
+        for end in () if (line[0] == line[-1]).all() else (0, 1):
+            meeting[(*line[-end].tolist(), float(contours.heights[i]))].append((i, end))
+    beyond = {}
+    for ends in meeting.values():
+        if len(ends) == 2 and ends[0][0] != ends[1][0]:
+            beyond[ends[0]], beyond[ends[1]] = ends[1], ends[0]
+    runs, used = [], set()
+    for i in kept:
+        if i in used:
+            continue
+        piece, entered = _begin(i, beyond)
+        run = []
+        while piece not in used:
+            used.add(piece)
+            run.append((piece, entered == 1))
+            piece, entered = beyond.get((piece, 1 - entered), (piece, entered))
+        runs.append(run)
+    return runs
+
+
+def _begin(piece: int, beyond: dict[tuple[int, int], tuple[int, int]]) -> tuple[int, int]:
+    """The first piece of a run, and the end at which it begins; any piece of a ring."""
+    at = (piece, 0)
+    while (before := beyond.get(at, at))[0] not in (piece, at[0]):
+        at = (before[0], 1 - before[1])
+    return at
+
+
+def _run_together(contours: ContourMap, run: list[tuple[int, bool]]) -> Floats:
+    pieces = [contours.lines[i][::-1] if backwards else contours.lines[i] for i, backwards in run]
+    return np.vstack([pieces[0], *(piece[1:] for piece in pieces[1:])])
 
 
 def _owners(contours: ContourMap) -> NDArray[np.int64]:
@@ -53,15 +99,16 @@ def _repeats(contours: ContourMap) -> list[tuple[int, int]]:
     return pairs
 
 
-def _refuse_crossings(lines: NDArray[np.object_], kept: NDArray[np.int64]) -> None:
+def _refuse_crossings(contours: ContourMap, numbers: list[int]) -> None:
+    lines = shapely.linestrings(np.concatenate(contours.lines), indices=_owners(contours))
     told = []
-    for i in kept[~shapely.is_simple(lines[kept])].tolist():
-        told.append(f"{i} crosses itself near {_at(shapely.get_coordinates(lines[i])[0])}")
-    first, second = shapely.STRtree(lines[kept]).query(lines[kept], predicate="intersects")
-    for a, b in zip(kept[first].tolist(), kept[second].tolist()):
+    for i in np.flatnonzero(~shapely.is_simple(lines)).tolist():
+        told.append(f"{numbers[i]} crosses itself near {_at(shapely.get_coordinates(lines[i])[0])}")
+    first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
+    for a, b in zip(first.tolist(), second.tolist()):
         if a < b and len(told) <= MOST_NAMED:
             place = shapely.get_coordinates(shapely.intersection(lines[a], lines[b]))[0]
-            told.append(f"{a} crosses or touches {b} near {_at(place)}")
+            told.append(f"{numbers[a]} crosses or touches {numbers[b]} near {_at(place)}")
     if told:
         raise BadGeometry("contours", f"{_listed(told)}. Mend the map where they do")
 
