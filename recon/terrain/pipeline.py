@@ -15,12 +15,14 @@ from enum import StrEnum
 from functools import partial
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
+from recon.numerics.bernstein import bernstein
 from recon.terrain.border import Border, BorderVertices
 from recon.terrain.contour_curves import ContourCurves
 from recon.terrain.faults import checked_contours
@@ -34,7 +36,7 @@ from recon.terrain.resampling import ContourSamples, contour_samples, fit_contou
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
 from recon.terrain.slopes import vertex_slopes
 from recon.terrain.spot_heights import spots_beside_contours, spots_off_strips
-from recon.terrain.tiling import CurvesMeet, Frame, Tiling, tile, with_free_vertices
+from recon.terrain.tiling import ALONG, CurvesMeet, Frame, Tiling, tile, with_free_vertices
 
 __all__ = ["PatchKind", "Terrain", "TerrainOptions", "terrain_surface"]
 
@@ -50,6 +52,8 @@ SMALL_RING, RING_REACH = 12.0, 2.0  # spacings of the points: length of a ring t
 MOST_NAMED = 5
 PATIENCE = 3  # refits before rings are left out
 REFITS, TIGHTENINGS, UNFOLDINGS = 14, 9, 12
+LEAVINGS = 5  # fits after which curves that still leave the map are left to the tiling
+WAYPOINTS = np.linspace(0.0, 1.0, 17)[1:-1]  # of a segment, whose ends may lie on the border
 
 
 class PatchKind(StrEnum):
@@ -229,7 +233,7 @@ def _tiled(contours: ContourMap, fitting: _Fitting) -> tuple[Tiling, ContourMap,
     left_out: list[Floats] = []
     for attempt in range(REFITS):
         allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
-        curves = _supple(fit_contours(samples, allowed, tight), allowed)
+        curves, tight = _within_border(samples, contours, allowed, tight)
         try:
             frame = fitting.frame(contours)
             tiling, free = with_free_vertices(curves, frame)
@@ -245,6 +249,35 @@ def _tiled(contours: ContourMap, fitting: _Fitting) -> tuple[Tiling, ContourMap,
                 contours = _part(contours, ~small)
                 samples = fitting.samples(contours)
     raise AssertionError("the loop returns or raises")
+
+
+def _within_border(
+    samples: ContourSamples, contours: ContourMap, allowed: float, tight: Floats
+) -> tuple[ContourCurves, Floats]:
+    """The curves, fitted again with less room where they leave the map, and all places (n, 2) that had less.
+
+    A tiling would find these out too, after far more work, and only those in its way.
+    """
+    for _ in range(LEAVINGS):
+        curves = _supple(fit_contours(samples, allowed, tight), allowed)
+        left = _beyond_border(curves, contours)
+        if not len(left):
+            break
+        tight = np.vstack([tight, left])
+    return curves, tight
+
+
+def _beyond_border(curves: ContourCurves, contours: ContourMap) -> Floats:
+    """(n, 2) middles of the segments that lie outside the map, or in a void, by more than rounding."""
+    low, high = curves.bezier.min(axis=1), curves.bezier.max(axis=1)
+    boxes = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+    border = shapely.MultiLineString([contours.outline, *contours.voids])
+    near = np.unique(boxes.query(shapely.linestrings(contours.sides()), predicate="intersects")[1])
+    places = bernstein(3, WAYPOINTS) @ curves.bezier[near]
+    outside = ~contours.holds(places.reshape(-1, 2))
+    outside[outside] = shapely.distance(border, shapely.points(places.reshape(-1, 2)[outside])) > ALONG
+    left = outside.reshape(len(near), len(WAYPOINTS)).any(axis=1)
+    return np.asarray(curves.bezier[near[left]].mean(axis=1))
 
 
 def _small_rings(contours: ContourMap, places: Floats, spacing: float) -> NDArray[np.bool_]:

@@ -22,7 +22,7 @@ from recon.geometry.contour_map import ContourMap
 from recon.numerics.bernstein import bernstein
 from recon.terrain.contour_curves import ContourCurves
 
-__all__ = ["CurvesMeet", "Frame", "NO_SEGMENT", "Tiling", "tile", "with_free_vertices"]
+__all__ = ["ALONG", "CurvesMeet", "Frame", "NO_SEGMENT", "Tiling", "tile", "with_free_vertices"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

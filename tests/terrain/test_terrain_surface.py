@@ -1,5 +1,7 @@
 """The ground as a whole, on mountains that are generated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from generated_mountains import mountain_contours, mountain_grid
@@ -8,10 +10,13 @@ from scipy.interpolate import LinearNDInterpolator
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
 from recon.geometry.patches import COLLAPSED, PatchNetwork
+from recon.terrain import pipeline
 from recon.terrain.evaluation import contour_distances, elevations, sampled_triangles
 from recon.terrain.merging import ruled_folds
 from recon.terrain.network import terrain_network
 from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
+from recon.terrain.resampling import fit_contours
+from recon.terrain.tiling import with_free_vertices
 
 SEEDS = (1, 2, 4)
 INTERVAL = 10.0
@@ -138,3 +143,28 @@ def test_a_contour_that_only_touches_on_the_border_cuts_no_ground_off():
     a, b, c = (points[faces[:, k], :2] for k in range(3))
     area = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     assert area.sum() == pytest.approx(600 * 240, rel=1e-9)
+
+
+def test_curves_that_leave_the_map_are_fitted_again_before_they_are_tiled(monkeypatch):
+    told, tried = [], []
+
+    def astray_once(samples, allowed, tight):
+        curves = fit_contours(samples, allowed, tight)
+        told.append(tight)
+        if len(told) > 1:
+            return curves
+        bezier = curves.bezier.copy()
+        bezier[0, 1:3, 0] = 305.0  # from the middle of the map: beyond its eastern border
+        return replace(curves, bezier=bezier)
+
+    def counted(*arguments):
+        tried.append(arguments)
+        return with_free_vertices(*arguments)
+
+    monkeypatch.setattr(pipeline, "fit_contours", astray_once)
+    monkeypatch.setattr(pipeline, "with_free_vertices", counted)
+    beside = np.column_stack([np.full(60, 597.0), np.linspace(5.0, 595.0, 60)])
+    middle = np.column_stack([np.linspace(0.0, 600.0, 60), np.full(60, 300.0)])[:50]
+    terrain_surface(ContourMap([beside, middle], [10.0, 20.0], [[0.0, 0.0], [600.0, 600.0]]))
+    assert [len(tight) for tight in told] == [0, 1] and len(tried) == 1
+    assert told[1][0, 0] > 290.0
