@@ -50,6 +50,15 @@ class GregoryNets:
     def part(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "GregoryNets":
         return GregoryNets(self.net_s[rows], self.net_t[rows])
 
+    @property
+    def corner(self) -> Floats:
+        """(n, 1, 1, 3) corner u = v = 0: counted from it, small patches far from the origin lose nothing."""
+        return self.net_s[:, :1, :1]
+
+    def moved(self, by: Floats) -> "GregoryNets":
+        """The patches moved by (n, 1, 1, 3) vectors."""
+        return GregoryNets(self.net_s + by, self.net_t + by)
+
     def points(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
         """(n, m, 3) points of every patch at parameters (m, 2) or, a row a patch, (n, m, 2), and both derivatives."""
         uv = np.broadcast_to(uv, (len(self.net_s), *uv.shape[-2:]))

@@ -78,7 +78,8 @@ class GregoryPatches(PatchGroup):
             own = np.flatnonzero(self.level == level)
             breaks = _breaks(FIRST_SPANS[level])
             knots = clamped_knots(breaks, 3)
-            nets = spline_nets(self.nets.part(own), breaks)
+            part = self.nets.part(own)
+            nets = spline_nets(part.moved(-part.corner), breaks) + part.corner
             made |= {k: BSplineSurface(3, 3, knots, knots, net) for k, net in zip(own.tolist(), nets)}
         return [made[k] for k in range(len(self.rows))]
 
@@ -174,6 +175,7 @@ def _breaks(first: float) -> Floats:
 def _levels(nets: GregoryNets, collapsed: Flags, allowed: float) -> tuple[Ints, Floats]:
     """(n,) the coarsest knots that keep every side within the angle, -1 for none, and (n, 4) the angles there."""
     level, apart = np.full(len(nets.net_s), -1), np.zeros((len(nets.net_s), 4))
+    nets = nets.moved(-nets.corner)
     for k, first in enumerate(FIRST_SPANS):
         open_ = np.flatnonzero(level < 0)
         if not len(open_):

@@ -90,3 +90,16 @@ def test_closer_knots_at_the_corners_bring_the_tangent_planes_together():
         normals = right.normal(np.column_stack([0 * t + 1, t])), left.normal(np.column_stack([0 * t, t]))
         found.append(np.degrees(np.arcsin(angles(*normals).max())))
     assert found[0] > 4 * found[1] > 16 * found[2]
+
+
+def test_small_patches_far_away_lose_nothing_when_counted_from_their_corner():
+    near = pair(5, apex=True)
+    near = GregoryNets(0.1 * near.net_s, 0.1 * near.net_t)
+    far = near.moved(np.full((2, 1, 1, 3), 2e3))
+    breaks = np.array([0.0, 1e-5, 1e-3, 0.1, 0.5, 0.9, 0.999, 1.0 - 1e-5, 1.0])
+    wanted = spline_nets(near.moved(-near.corner), breaks)
+    made = spline_nets(far.moved(-far.corner), breaks)
+    assert np.abs(made - wanted).max() < 1e-10
+    assert (made[:, 0, 0] == 0.0).all()
+    shift = far.points(np.array([[0.3, 0.6]]))[0] - near.points(np.array([[0.3, 0.6]]))[0]
+    assert shift == pytest.approx(2e3)
