@@ -38,6 +38,7 @@ from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
 from recon.hole_patch.wall_check import check_fracture_met, check_fracture_unfolded, check_walls_go_on
+from recon.hole_patch.walls import FRACTURE
 from recon.hole_patch.wheel_sheet import clean_wall, fit_wall, wheel_sheet
 
 __all__ = [
@@ -55,7 +56,7 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 LEAST_SUPPORT = 0.75  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, round ones 0.9 to 1; below it
 # the wall around the hole must bear the wheel out
@@ -281,20 +282,20 @@ def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], Non
     """
     near = None if options.picks is None else options.picks.mean(axis=0)
     first = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
-    refused: list[tuple[Surroundings, int]] = []
+    refused: list[tuple[Surroundings, str]] = []
     refusal, any_made = None, False
-    for around, misread in _readings(found.reading, first, options):
+    for around, changed in _readings(found.reading, first, options):
         try:
-            piece = _piece(around, misread, found, options, doing)
+            piece = _piece(around, changed, found, options, doing)
         except (NoHole, NoSurface, NoWall, BadGeometry) as error:
             refusal = refusal or error
-            refused.append((around, misread))
+            refused.append((around, changed))
             continue
         any_made = True
         yield piece
-    for around, misread in refused:
+    for around, changed in refused:
         try:
-            piece = _piece(around, misread, found, options, doing, bridging=True)
+            piece = _piece(around, changed, found, options, doing, bridging=True)
         except (NoHole, NoSurface, NoWall, BadGeometry):
             continue
         any_made = True
@@ -303,19 +304,31 @@ def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], Non
         raise refusal
 
 
-def _readings(reading: Reading, first: Surroundings, options: PatchOptions) -> Iterator[tuple[Surroundings, int]]:
-    """The surroundings of a hole with fracture taken for wall put right, each differently; and the faces of it."""
-    seen: list[Flags] = []
+def _readings(reading: Reading, first: Surroundings, options: PatchOptions) -> Iterator[tuple[Surroundings, str]]:
+    """The surroundings of a hole as second looks show them, each differently; and what was read otherwise before."""
+    seen: list[Ints] = []
     for least in LEASTS:
-        around, misread = look_again(reading, first, pass_band=options.pass_band, least=least)
-        if not any(np.array_equal(misread, before) for before in seen):
-            seen.append(misread)
-            yield _with_clean_foot(around), int(misread.sum())
+        around, labels = look_again(reading, first, pass_band=options.pass_band, least=least)
+        if not any(np.array_equal(labels, before) for before in seen):
+            seen.append(labels)
+            yield _with_clean_foot(around), _what_changed(reading.labels, labels)
+
+
+def _what_changed(before: Ints, after: Ints) -> str:
+    deep, level = (int(((after != before) & (now == FRACTURE)).sum()) for now in (after, before))
+    told = []
+    if deep:
+        told.append(
+            f"{deep} faces beside the hole lie too deep under the wall to be wall: they were taken for fracture."
+        )
+    if level:
+        told.append(f"{level} faces beside the hole lie on the wall and along it: they were taken for wall.")
+    return " ".join(told)
 
 
 def _piece(
     around: Surroundings,
-    misread: int,
+    changed: str,
     found: HolesFound,
     options: PatchOptions,
     doing: Callable[[str], None],
@@ -324,15 +337,12 @@ def _piece(
 ) -> MissingPiece:
     """What one reading of the walls gives.
 
-    misread   number of faces that were taken for fracture in it
+    changed   what it reads otherwise than the first
     bridging  whether swellings at the edge of the inner wall are taken for wall, and bridged
     Raises    NoHole, NoSurface, NoWall, BadGeometry; NoSurface also where there is no inner wall to bridge.
     """
     method, notes = _road(around, options)
-    if misread:
-        notes += (
-            f"{misread} faces beside the hole lie too deep under the wall to be wall: they were taken for fracture.",
-        )
+    notes += (changed,) if changed else ()
     notes += () if found.settling is None else (found.settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)

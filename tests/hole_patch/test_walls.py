@@ -31,8 +31,8 @@ def labelled() -> tuple[Assembly, np.ndarray, np.ndarray]:
     assert axis is not None
     thickness = wall_thickness(table)
     mated = mated_faces(table, normals, 0.4 * thickness)
-    fracture = fracture_faces(table, normals, axis, mated=mated, thickness=thickness)
-    return table, mated, label_walls(table, normals, axis, fracture=fracture, thickness=thickness)
+    fracture, doubtful = fracture_faces(table, normals, axis, mated=mated, thickness=thickness)
+    return table, mated, label_walls(table, normals, axis, fracture=fracture, doubtful=doubtful, thickness=thickness)
 
 
 def grid(n: int) -> TriangleMesh:
