@@ -42,6 +42,7 @@ LEASTS = (
     0.03,
     np.inf,
 )  # the same in thicknesses, where the wall is smooth: tried in turn, inf for no second look
+STEEP = 0.6  # slope, at least, of a face that is fracture by itself: walls that were set askew are level
 DEEP = 0.1  # thicknesses, at least, that a face of a break reaches down
 NEAR, FLAT = 0.25, 0.5  # thicknesses from the sheet, and slope beside it, of wall that was taken for fracture
 LEVEL = 0.3  # slope of what lies beside the sheet
@@ -140,7 +141,7 @@ def misread_faces(
     depth = np.where(depth < DEEPEST * thickness, depth, 0.0)
     down = np.maximum(depth, 0.0) * slope
     usual, deepest = (_usual(x[~beside]) for x in (down, depth))
-    steep = beside & (down > max(ABOVE * usual, least * thickness))
+    steep = beside & (slope > STEEP) & (down > max(ABOVE * usual, least * thickness))
     if not steep.any():
         return none
     level = (np.abs(depth) < least * thickness) & (slope < LEVEL)
