@@ -218,9 +218,12 @@ def _blended(
 
 def _filleted(shape: TopoDS_Shape, wanted: list[tuple[Blend, list[TopoDS_Shape]]]) -> TopoDS_Shape | None:
     maker = BRepFilletAPI_MakeFillet(shape)
+    done_edges: list[TopoDS_Shape] = []
     for blend, edges in wanted:
         for edge in edges:
-            maker.Add(blend.radius, TopoDS.Edge_s(edge))
+            if not any(edge.IsSame(other) for other in done_edges):
+                maker.Add(blend.radius, TopoDS.Edge_s(edge))
+                done_edges.append(edge)
     try:
         maker.Build()
         done = maker.Shape() if maker.IsDone() else None
