@@ -34,6 +34,7 @@ SAMPLES = 100_000
 
 Mesh = tuple[np.ndarray, np.ndarray]
 Method = Callable[[GridSurface, VoxelGrid, int], Mesh]
+GREYS = 16  # colours of the picture, so that a clone stays small
 
 
 def ours(surface: GridSurface, grid: VoxelGrid, n: int) -> Mesh:
@@ -127,6 +128,7 @@ def row(surface: GridSurface, grid: VoxelGrid, n: int, method: Method) -> tuple[
 def picture(path: str) -> None:
     """Three results of the same count side by side, in flat colours and with their edges."""
     import pyvista
+    from PIL import Image
 
     grid = ball_with_slot(72)
     surface = marching_cubes(grid)
@@ -143,6 +145,7 @@ def picture(path: str) -> None:
         plotter.view_vector((1.0, -0.6, 1.2), viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.5)
     plotter.screenshot(path)
+    Image.open(path).convert("RGB").quantize(GREYS, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def main() -> None:
