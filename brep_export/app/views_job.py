@@ -13,7 +13,7 @@ from brep_export.app.exhibits import GALLERY
 from brep_export.app.polyhedron_files import POLYHEDRON_ENDINGS, polyhedron_writer
 from brep_export.app.result import result
 from brep_export.app.views_picture import draw_solids
-from brep_export.app.views_report import SHOWN, gallery, scene_parts
+from brep_export.app.views_report import gallery, n_shown, scene_parts
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.solids import polyhedron_solid
@@ -167,7 +167,7 @@ def _exhibit(
     """The gallery of the page, and the solids in its view, of which the chosen one is seen first."""
     sheet, found = read
     chosen = request["solution"] - 1
-    numbers = sorted({*range(min(SHOWN, found.labelings.listed)), chosen})
+    numbers = sorted({*range(n_shown(found)), chosen})
     solids = {number: as_meant(sheet, found.polyhedron(number)) for number in numbers}
     (Path(request["page"]) / GALLERY).write_text(gallery(found, solids), encoding="utf-8")
     parts = partial(scene_parts, found.drawing, solids, chosen, mirrored=sheet.mirrored)
