@@ -38,11 +38,11 @@ from tables import Table, machine
 COLUMNS = {
     "scan": "24",
     "method": "32",
-    "control": "8",
+    "control": "8,d",
     "E_mean": "9.4f",
     "E_rms": "9.4f",
     "E_max": "8.3f",
-    "folds": "5",
+    "folds": "5,d",
     "seconds": "8.2f",
     "unrolling": "9.2f",
 }

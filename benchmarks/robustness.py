@@ -5,9 +5,9 @@ python benchmarks/robustness.py views voxels        these methods
 python benchmarks/robustness.py fit --first 40 --n 10
 
 patch     sherds of vessels, see hole_patch_robustness.py; their sizes are those of vessels
-fit       balls, tori, tubes and sheets with waves: 700 to 5,000 points, noise, up to three holes, any pose
-terrain   fractal grounds and their contours: 30 to 60 cells wide, smooth to rough, noise, voids, far from the origin
-voxels    blocks, balls and cylinders in any pose, joined and cut: 14 to 36 voxels wide, wrong voxels at the surface,
+fit       balls, tori, tubes and sheets with waves: 700 to 2,000 points, noise, up to three holes, any pose
+terrain   fractal grounds and their contours: 24 to 40 cells wide, smooth to rough, noise, voids, far from the origin
+voxels    blocks, balls and cylinders in any pose, joined and cut: 12 to 24 voxels wide, wrong voxels at the surface,
           single empty ones inside
 views     blocks with cuts, slanted ones, turned ones, in any of the 24 poses: coordinates off by up to a ten-thousandth
           of the size, lines in pieces, half of them parted from one sheet
@@ -178,7 +178,7 @@ def voxels_trial(rng: Rng) -> Outcome:
 
 
 def chance_grid(rng: Rng) -> VoxelGrid:
-    n = int(rng.integers(14, 37))
+    n = int(rng.integers(12, 25))
     centres = np.stack(np.meshgrid(*3 * [np.linspace(-1.2, 1.2, n)], indexing="ij"), axis=-1)
     solid = np.zeros((n, n, n), dtype=bool)
     for k in range(int(rng.integers(1, 6))):
@@ -216,7 +216,7 @@ def fit_trial(rng: Rng) -> Outcome:
 
 def chance_scan(rng: Rng) -> tuple[np.ndarray, TriangleMesh, float]:
     """Points without noise, the scan, and the deviation of its noise."""
-    kind, n = ("ball", "torus", "tube", "wavy")[rng.integers(4)], int(10 ** rng.uniform(2.85, 3.7))
+    kind, n = ("ball", "torus", "tube", "wavy")[rng.integers(4)], int(10 ** rng.uniform(2.85, 3.3))
     mesh = bumpy_ball(n) if kind == "ball" else made(kind, n, noise=0.0)
     turn = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
     scale = scale_of(rng) * 50 / float(np.ptp(mesh.vertices, axis=0).max())
@@ -234,12 +234,12 @@ def chance_scan(rng: Rng) -> tuple[np.ndarray, TriangleMesh, float]:
 
 
 def terrain_trial(rng: Rng) -> Outcome:
-    n, scale = int(rng.integers(30, 61)), scale_of(rng)
+    n, scale = int(rng.integers(24, 41)), scale_of(rng)
     grid = fractal_mountain(n, 10.0, int(rng.integers(10_000)), float(rng.uniform(2.2, 3.2)))
     z = grid.heights * rng.uniform(0.5, 3.0)
     z = z + rng.choice([0.0, 0.005]) * np.ptp(z) * rng.normal(size=z.shape)
     for _ in range(int(rng.choice([0, 0, 1, 2]))):
-        i, j = rng.integers(5, n - 12, 2)
+        i, j = rng.integers(4, n - 10, 2)
         z[i : i + rng.integers(3, 8), j : j + rng.integers(3, 8)] = np.nan
     far = rng.choice([0.0, 1e5])
     ground = HeightGrid(scale * (grid.x + far), scale * (grid.y + far), scale * z)
