@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from OCP.BOPAlgo import BOPAlgo_MakerVolume
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
 from OCP.gp import gp_Ax3, gp_Cone, gp_Cylinder, gp_Dir, gp_Pln, gp_Pnt, gp_Sphere
@@ -23,6 +24,7 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
+from brep_export.check_geometry import max_tolerance
 from brep_export.check_topology import sub_shapes
 from brep_export.faces import BUILDER
 from brep_export.kernel_settings import KERNEL_FAILURES
@@ -38,6 +40,7 @@ Vote = Callable[[Floats, Floats, Floats], bool]
 
 MOST_SURFACES = 60
 INWARD = 0.02  # voxels from the middle of a cell's largest triangle to the point that stands for the cell
+WIDEST = 0.05  # voxels that a rounded edge may be off its faces
 DEFLECTION = 0.01  # voxels that this triangle may be off its face
 
 
@@ -63,7 +66,7 @@ def analytic_solid(
         if not chosen or len(chosen) == len(cells):
             raise NoSolid("no cell between the surfaces is solid")
         shape = _unified(_boundary(chosen, voxel))
-        return _blended(shape, surfaces, blends)
+        return _blended(shape, surfaces, blends, WIDEST * voxel)
     except KERNEL_FAILURES as failure:
         raise NoSolid(f"the kernel gave up on the cells between the surfaces ({type(failure).__name__})") from failure
 
@@ -196,19 +199,21 @@ def _unified(shape: TopoDS_Shape) -> TopoDS_Shape:
 
 
 def _blended(
-    shape: TopoDS_Shape, surfaces: Sequence[AnalyticSurface], blends: Sequence[Blend]
+    shape: TopoDS_Shape, surfaces: Sequence[AnalyticSurface], blends: Sequence[Blend], allowed: float
 ) -> tuple[TopoDS_Shape, list[Blend]]:
-    """The shape with its blends: all at once, or one after the other where the kernel refuses that."""
+    """The shape with its blends: all at once, or one after the other where the kernel refuses that or makes no sound
+    solid of it, no edge of which is farther than allowed from its faces.
+    """
     wanted = [(blend, edges) for blend in blends if (edges := _edges_of(shape, surfaces, blend))]
     refused = [blend for blend in blends if not any(blend is b for b, _ in wanted)]
     if not wanted:
         return shape, refused
-    done = _filleted(shape, wanted)
+    done = _filleted(shape, wanted, allowed)
     if done is not None:
         return done, refused
     for blend, _ in wanted:
         edges = _edges_of(shape, surfaces, blend)
-        done = _filleted(shape, [(blend, edges)]) if edges else None
+        done = _filleted(shape, [(blend, edges)], allowed) if edges else None
         if done is None:
             refused.append(blend)
         else:
@@ -216,17 +221,22 @@ def _blended(
     return shape, refused
 
 
-def _filleted(shape: TopoDS_Shape, wanted: list[tuple[Blend, list[TopoDS_Shape]]]) -> TopoDS_Shape | None:
+def _filleted(
+    shape: TopoDS_Shape, wanted: list[tuple[Blend, list[TopoDS_Shape]]], allowed: float
+) -> TopoDS_Shape | None:
     maker = BRepFilletAPI_MakeFillet(shape)
+    done_edges: list[TopoDS_Shape] = []
     for blend, edges in wanted:
         for edge in edges:
-            maker.Add(blend.radius, TopoDS.Edge_s(edge))
+            if not any(edge.IsSame(other) for other in done_edges):
+                maker.Add(blend.radius, TopoDS.Edge_s(edge))
+                done_edges.append(edge)
     try:
         maker.Build()
         done = maker.Shape() if maker.IsDone() else None
     except KERNEL_FAILURES:
         return None
-    if done is None:
+    if done is None or max_tolerance(done) > allowed or not BRepCheck_Analyzer(done).IsValid():
         return None
     solids = list(sub_shapes(done, TopAbs_ShapeEnum.TopAbs_SOLID))
     return solids[0] if len(solids) == 1 else done

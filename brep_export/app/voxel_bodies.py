@@ -24,7 +24,7 @@ from recon.tolerance import Tolerance
 from recon.voxel_mesh.analytic_part import AnalyticPart, analytic_part
 from recon.voxel_mesh.marching_cubes import marching_cubes
 from recon.voxel_mesh.pipeline import VoxelOptions, voxel_boundary
-from recon.voxel_mesh.revoxelise import WrongSide, wrong_side
+from recon.voxel_mesh.revoxelise import WrongSide, turned_wrong_side, wrong_side
 from recon.voxel_mesh.topology import grid_topology
 from recon.voxel_mesh.turned import turned_part
 
@@ -122,7 +122,7 @@ def _turned_shape(grid: VoxelGrid, bench: Bench) -> _Turned | None:
             shape = turned_solid(part)
             _proved(shape, grid.voxel)
             mesh = triangulate(shape, TURNED_DEFLECTION * grid.voxel).mesh
-            wrong = wrong_side(grid, mesh)
+            wrong = turned_wrong_side(grid, part)
     except NoSolid:
         return None
     return _Turned(part, shape, mesh, wrong) if wrong.deepest <= DEEPEST else None

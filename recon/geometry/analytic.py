@@ -114,15 +114,17 @@ class Sphere:
 
 @dataclass(frozen=True, eq=False)
 class Blend:
-    """A rounded edge: a ball of `radius` rolls along the planes `first` and `second` (numbers in a list of surfaces).
+    """A rounded edge: a ball of `radius` rolls along `first` and `second` (numbers in a list of surfaces).
 
     middle  (3,) a point of the rounding, about halfway along it
+    sides   of the two surfaces on which the ball's centre lies: 1 where their distance is positive, else -1
     """
 
     first: int
     second: int
     radius: float
     middle: Floats
+    sides: tuple[float, float]
 
     def placed(self, turn: Floats, scale: float, shift: Floats) -> "Blend":
         return replace(self, radius=scale * self.radius, middle=shift + scale * turn @ self.middle)

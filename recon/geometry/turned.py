@@ -27,6 +27,15 @@ class ProfileLine:
     start: Floats
     end: Floats
 
+    def points(self, n: int) -> Floats:
+        """(n, 2) points from end to end, evenly."""
+        t = np.linspace(0.0, 1.0, n)[:, None]
+        return np.asarray((1.0 - t) * self.start + t * self.end)
+
+    @property
+    def length(self) -> float:
+        return float(np.linalg.norm(self.end - self.start))
+
     def scaled(self, scale: float) -> "ProfileLine":
         return ProfileLine(scale * self.start, scale * self.end)
 
@@ -38,6 +47,35 @@ class ProfileArc:
     start: Floats
     middle: Floats
     end: Floats
+
+    @property
+    def circle(self) -> tuple[Floats, float]:
+        """Centre (2,) and radius."""
+        rows = 2.0 * np.stack([self.middle - self.start, self.end - self.start])
+        square = [p @ p - self.start @ self.start for p in (self.middle, self.end)]
+        centre = np.asarray(np.linalg.solve(rows, np.array(square)), dtype=np.float64)
+        return centre, float(np.linalg.norm(self.start - centre))
+
+    @property
+    def angles(self) -> tuple[float, float]:
+        """Angles of start and end around the centre, in radians; the middle lies between the two."""
+        centre, _ = self.circle
+        first, between, last = (float(np.arctan2(*(p - centre)[::-1])) for p in (self.start, self.middle, self.end))
+        whole = 2.0 * np.pi
+        if (between - first) % whole + (last - between) % whole > whole:
+            return first, first - (first - last) % whole
+        return first, first + (last - first) % whole
+
+    def points(self, n: int) -> Floats:
+        """(n, 2) points from end to end, evenly."""
+        centre, radius = self.circle
+        t = np.linspace(*self.angles, n)
+        return np.asarray(centre + radius * np.column_stack([np.cos(t), np.sin(t)]))
+
+    @property
+    def length(self) -> float:
+        first, last = self.angles
+        return self.circle[1] * abs(last - first)
 
     def scaled(self, scale: float) -> "ProfileArc":
         return ProfileArc(scale * self.start, scale * self.middle, scale * self.end)
@@ -57,6 +95,15 @@ class ProfileSpline:
     def end(self) -> Floats:
         return self.curve.control_points[-1]
 
+    def points(self, n: int) -> Floats:
+        """(n, 2) points at even parameters."""
+        return self.curve.point(np.linspace(*self.curve.domain, n))
+
+    @property
+    def length(self) -> float:
+        """Of the control polygon, which is a little longer than the curve."""
+        return float(np.linalg.norm(np.diff(self.curve.control_points, axis=0), axis=1).sum())
+
     def scaled(self, scale: float) -> "ProfileSpline":
         return ProfileSpline(replace(self.curve, control_points=scale * self.curve.control_points))
 
@@ -72,7 +119,15 @@ class TurnedPart:
     axis: Floats
     loops: tuple[tuple[ProfilePiece, ...], ...]
 
+    def outlines(self, step: float) -> list[Floats]:
+        """Each loop as a closed row of points (n, 2), no farther apart than about a step where it is curved."""
+        return [np.concatenate([piece.points(_count(piece, step))[:-1] for piece in loop]) for loop in self.loops]
+
     def placed(self, turn: Floats, scale: float, shift: Floats) -> "TurnedPart":
         """The part under x -> shift + scale turn x."""
         loops = tuple(tuple(piece.scaled(scale) for piece in loop) for loop in self.loops)
         return TurnedPart(shift + scale * turn @ self.origin, turn @ self.axis, loops)
+
+
+def _count(piece: ProfilePiece, step: float) -> int:
+    return 2 if isinstance(piece, ProfileLine) else max(3, int(np.ceil(piece.length / step)) + 1)

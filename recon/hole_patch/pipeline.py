@@ -10,7 +10,7 @@ the hole's edge, but says little about the inside of the hole. `WHEEL`, the defa
 granted about its vessels: that they were thrown on a wheel, so that axis and profile are known all around.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from recon.errors import BadGeometry, BadOption, NoHole, NoSurface, NoWall
+from recon.errors import BadGeometry, BadOption, NoHole, NoSurface, NoWall, ReconError
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.hole_patch.axis import KEPT_TO
@@ -37,7 +37,8 @@ from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
-from recon.hole_patch.wall_check import check_fracture_met, check_fracture_unfolded, check_walls_go_on
+from recon.hole_patch.wall_check import MOST_OFF, check_fracture_met, check_fracture_unfolded, check_walls_go_on
+from recon.hole_patch.walls import FRACTURE
 from recon.hole_patch.wheel_sheet import clean_wall, fit_wall, wheel_sheet
 
 __all__ = [
@@ -55,11 +56,12 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 LEAST_SUPPORT = 0.75  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, round ones 0.9 to 1; below it
 # the wall around the hole must bear the wheel out
 FARTHER = 3.0  # times as far off is the middle of a hole, on vessels bent in the tests, as left-out wall beside it
+GOING_ON = 0.02  # of a wall's edge stands off from the piece's at most, where they go on in each other
 WORTH_A_WORD = 0.25  # mm, more than a thrown wall is out of round by itself
 
 
@@ -276,63 +278,71 @@ def _attempt(number: int, found: HolesFound, options: PatchOptions, doing: Calla
 
 
 def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], None]) -> Iterator[MissingPiece]:
-    """A piece for each reading of the walls that differs from those before, the likeliest first; last, with its inner
-    wall bridged, for those that gave none.
+    """A piece for each reading of the walls that differs from those before, the likeliest first. Those that gave none
+    follow with their inner wall bridged, and then with walls that stand off from more of their edges.
     """
     near = None if options.picks is None else options.picks.mean(axis=0)
     first = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
-    refused: list[tuple[Surroundings, int]] = []
-    refusal, any_made = None, False
-    for around, misread in _readings(found.reading, first, options):
-        try:
-            piece = _piece(around, misread, found, options, doing)
-        except (NoHole, NoSurface, NoWall, BadGeometry) as error:
-            refusal = refusal or error
-            refused.append((around, misread))
-            continue
-        any_made = True
-        yield piece
-    for around, misread in refused:
-        try:
-            piece = _piece(around, misread, found, options, doing, bridging=True)
-        except (NoHole, NoSurface, NoWall, BadGeometry):
-            continue
-        any_made = True
-        yield piece
+    left: Iterable[tuple[Surroundings, str]] = _readings(found.reading, first, options)
+    refusal: ReconError | None = None
+    any_made = False
+    for bridging, most_off in ((False, GOING_ON), (True, MOST_OFF), (False, MOST_OFF)):
+        refused, reason = [], None
+        for around, changed in left:
+            try:
+                piece = _piece(around, changed, found, options, doing, bridging=bridging, most_off=most_off)
+            except (NoHole, NoSurface, NoWall, BadGeometry) as error:
+                reason = reason or error
+                refused.append((around, changed))
+                continue
+            any_made = True
+            yield piece
+        left, refusal = refused, refusal if bridging else reason
     if refusal is not None and not any_made:
         raise refusal
 
 
-def _readings(reading: Reading, first: Surroundings, options: PatchOptions) -> Iterator[tuple[Surroundings, int]]:
-    """The surroundings of a hole with fracture taken for wall put right, each differently; and the faces of it."""
-    seen: list[Flags] = []
+def _readings(reading: Reading, first: Surroundings, options: PatchOptions) -> Iterator[tuple[Surroundings, str]]:
+    """The surroundings of a hole as second looks show them, each differently; and what was read otherwise before."""
+    seen: list[Ints] = []
     for least in LEASTS:
-        around, misread = look_again(reading, first, pass_band=options.pass_band, least=least)
-        if not any(np.array_equal(misread, before) for before in seen):
-            seen.append(misread)
-            yield _with_clean_foot(around), int(misread.sum())
+        around, labels = look_again(reading, first, pass_band=options.pass_band, least=least)
+        if not any(np.array_equal(labels, before) for before in seen):
+            seen.append(labels)
+            yield _with_clean_foot(around), _what_changed(reading.labels, labels)
+
+
+def _what_changed(before: Ints, after: Ints) -> str:
+    deep, level = (int(((after != before) & (now == FRACTURE)).sum()) for now in (after, before))
+    told = []
+    if deep:
+        told.append(
+            f"{deep} faces beside the hole lie too deep under the wall to be wall: they were taken for fracture."
+        )
+    if level:
+        told.append(f"{level} faces beside the hole lie on the wall and along it: they were taken for wall.")
+    return " ".join(told)
 
 
 def _piece(
     around: Surroundings,
-    misread: int,
+    changed: str,
     found: HolesFound,
     options: PatchOptions,
     doing: Callable[[str], None],
     *,
     bridging: bool = False,
+    most_off: float = MOST_OFF,
 ) -> MissingPiece:
     """What one reading of the walls gives.
 
-    misread   number of faces that were taken for fracture in it
+    changed   what it reads otherwise than the first
     bridging  whether swellings at the edge of the inner wall are taken for wall, and bridged
+    most_off  of a wall's edge, that the piece's may stand off from
     Raises    NoHole, NoSurface, NoWall, BadGeometry; NoSurface also where there is no inner wall to bridge.
     """
     method, notes = _road(around, options)
-    if misread:
-        notes += (
-            f"{misread} faces beside the hole lie too deep under the wall to be wall: they were taken for fracture.",
-        )
+    notes += (changed,) if changed else ()
     notes += () if found.settling is None else (found.settling.summary(),)
     doing("covering the hole")
     outer = _sheet(around.outer, around, method, picks=options.picks)
@@ -344,7 +354,7 @@ def _piece(
         relief = continue_relief(outer, around.outer, around.axis, draw=options.relief is Relief.DRAW)
         outer, notes = relief.sheet, (*notes, *relief.sheet.notes)
     doing("closing the wall")
-    shape = _shape(outer, inner, around, options)
+    shape = _shape(outer, inner, around, options, most_off)
     distance = distances_from(outer.trimmed.surface, edge_samples(around.outer))
     if (around.inner is not None or around.outer.over_lip) and options.thickness is not None:
         notes += ("the inner wall was scanned and is followed; the thickness given was not used.",)
@@ -407,14 +417,14 @@ def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floa
 
 
 def _shape(
-    outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions
+    outer: Sheet, inner: Sheet | None, around: Surroundings, options: PatchOptions, most_off: float
 ) -> ThickPiece | LipPiece | TrimmedSurface:
     if outer.lip is not None:
         piece = lip_piece(outer, around.fracture, clearance=options.clearance)
         check_rim_piece(piece, around, clearance=options.clearance)
         return piece
     if inner is not None:
-        check_walls_go_on(outer.trimmed, inner.trimmed, around)
+        check_walls_go_on(outer.trimmed, inner.trimmed, around, most_off)
         thick = thick_piece(outer, inner, around.fracture, clearance=options.clearance)
         check_fracture_met(thick, around, clearance=options.clearance)
         check_fracture_unfolded(thick)

@@ -1,4 +1,4 @@
-"""Fracture that was taken for wall, known by the sheet that was laid over the hole.
+"""Fracture that was taken for wall, and wall taken for fracture, known by the sheet that was laid over the hole.
 
 Before anything is known of the hole, wall is told from fracture by what recurs round the axis. A crack that slants runs
 on from the wall almost as if it were wall, and a line between wall and void drawn down there leads the face, and the
@@ -7,6 +7,8 @@ fracture after it, through the piece. Once the sheet over the hole is known such
       wall ------.  - - - - - - - - -     sheet
       d               \\     d · slope > what the wall itself shows anywhere: fracture, and all that lies with it in
                         `-.          one face of the break, up to the crease
+
+What was taken for fracture, but lies on the sheet and along it, is wall.
 
     d      depth of a face under the sheet, into the material
     slope  tangent of the angle between the face and the sheet; relief is deep where it is level, and steep where it
@@ -21,12 +23,12 @@ from scipy.spatial import cKDTree
 
 from recon.errors import NoHole, NoSurface
 from recon.hole_patch.assembly import Assembly, label_groups
-from recon.hole_patch.sherds import Reading, surroundings_in, with_fracture
+from recon.hole_patch.sherds import Reading, surroundings_in, with_labels
 from recon.hole_patch.surroundings import Axis, Surroundings
-from recon.hole_patch.walls import INNER, OUTER, depths_in_wall, spread
+from recon.hole_patch.walls import FRACTURE, INNER, OUTER, depths_in_wall, spread
 from recon.hole_patch.wheel_sheet import WallFit, fit_wall
 
-__all__ = ["LEASTS", "look_again", "misread_faces"]
+__all__ = ["LEASTS", "look_again", "misread_faces", "wall_again"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,7 +42,9 @@ LEASTS = (
     0.03,
     np.inf,
 )  # the same in thicknesses, where the wall is smooth: tried in turn, inf for no second look
+STEEP = 0.6  # slope, at least, of a face that is fracture by itself: walls that were set askew are level
 DEEP = 0.1  # thicknesses, at least, that a face of a break reaches down
+NEAR, FLAT = 0.25, 0.5  # thicknesses from the sheet, and slope beside it, of wall that was taken for fracture
 LEVEL = 0.3  # slope of what lies beside the sheet
 UNDER = 0.75  # of a group's area lie under the sheet
 STEEPEST = 10.0  # slope of what is square to the sheet, or overhangs
@@ -51,8 +55,8 @@ BELIEF, READ = 1.0, 0.02  # in what the sheet says of a face, and in what was re
 
 def look_again(
     reading: Reading, around: Surroundings, *, pass_band: float, least: float = LEASTS[0]
-) -> tuple[Surroundings, Flags]:
-    """The surroundings of a hole between closed sherds, fracture taken for wall put right; and (F,) such faces.
+) -> tuple[Surroundings, Ints]:
+    """The surroundings of a hole between closed sherds as a second look shows them; and (F,) labels, as it reads them.
 
     reading    of the sherds, and around, the hole as it was found in it
     pass_band  as of `surroundings_in`
@@ -60,31 +64,56 @@ def look_again(
                all breaks
     Promises   the surroundings as they were where nothing was misread, or where no sheet can be laid over the hole.
     """
-    misread = np.zeros(reading.table.n_faces, dtype=bool) if np.isinf(least) else _misread(reading, around, least)
-    if not misread.any():
-        return around, misread
+    labels = _labels(reading, around, least)
+    if np.array_equal(labels, reading.labels):
+        return around, labels
     middle = around.outer.edge.points.mean(axis=0)
     try:
-        return surroundings_in(with_fracture(reading, misread), near=middle, pass_band=pass_band), misread
+        return surroundings_in(with_labels(reading, labels), near=middle, pass_band=pass_band), labels
     except NoHole:
-        return around, np.zeros_like(misread)
+        return around, reading.labels
 
 
-def _misread(reading: Reading, around: Surroundings, least: float) -> Flags:
-    found = np.zeros(reading.table.n_faces, dtype=bool)
+def _labels(reading: Reading, around: Surroundings, least: float) -> Ints:
+    labels = reading.labels.copy()
     if around.axis is None or not reading.closed.all():
-        return found
+        return labels
     for wall, side, inward in ((around.outer, OUTER, -1.0), (around.inner, INNER, 1.0)):
         if wall is None:
             continue
-        labels = (OUTER, INNER) if wall.over_lip else (side,)
+        sides = (OUTER, INNER) if wall.over_lip else (side,)
         try:
             fit = fit_wall(wall, around.axis)
         except NoSurface:
             continue
-        on_wall = np.isin(reading.labels, labels)
-        found |= misread_faces(fit, around.axis, reading, on_wall, inward=inward, least=least)
-    return found
+        again = wall_again(fit, reading, inward=inward)
+        labels[again] = _nearest_label(reading, np.isin(reading.labels, sides), again)
+        if not np.isinf(least):
+            on_wall = np.isin(reading.labels, sides)
+            labels[misread_faces(fit, around.axis, reading, on_wall, inward=inward, least=least)] = FRACTURE
+    return labels
+
+
+def _nearest_label(reading: Reading, among: Flags, faces: Ints) -> Ints:
+    """(k,) labels of those among the faces that are nearest to faces (k,)."""
+    centres = reading.table.centres
+    nearest = cKDTree(centres[among]).query(centres[faces])[1]
+    return np.asarray(reading.labels[among][nearest])
+
+
+def wall_again(fit: WallFit, reading: Reading, *, inward: float) -> Ints:
+    """(k,) numbers of the faces beside the hole that were read as fracture, but lie on the sheet and along it.
+
+    A crack leaves a wall at once, at 45° and more; nothing of it lies along the sheet, however near to it.
+    """
+    edge = cKDTree(fit.wall.edge.points * fit.unit)
+    faces = np.flatnonzero(reading.labels == FRACTURE)
+    away = edge.query(reading.table.centres[faces], distance_upper_bound=BESIDE * reading.thickness)[0]
+    faces = faces[np.isfinite(away)]
+    if not len(faces):
+        return faces
+    depth, slope = _under_sheet(fit, reading.table.centres[faces], -inward * reading.normals[faces], inward)
+    return faces[(np.abs(depth) < NEAR * reading.thickness) & (slope < FLAT)]
 
 
 def misread_faces(
@@ -112,7 +141,7 @@ def misread_faces(
     depth = np.where(depth < DEEPEST * thickness, depth, 0.0)
     down = np.maximum(depth, 0.0) * slope
     usual, deepest = (_usual(x[~beside]) for x in (down, depth))
-    steep = beside & (down > max(ABOVE * usual, least * thickness))
+    steep = beside & (slope > STEEP) & (down > max(ABOVE * usual, least * thickness))
     if not steep.any():
         return none
     level = (np.abs(depth) < least * thickness) & (slope < LEVEL)

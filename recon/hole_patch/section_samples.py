@@ -43,23 +43,39 @@ CELL = 1.0  # mm: half of what a profile's knots lie apart
 LINKED = 2.5  # mm; neighbouring sherds leave gaps of about a millimetre
 LONGEST = 2.0  # of the usual link between cells
 LEAST_PART = 0.01  # of all weight, of a part of the mesh that a profile may run over
+SECTORS, SELDOM = 72, 0.15  # of the turn; and of the sectors in which a cell usually has samples: fracture has fewer
 FEW = 0.1  # of the edges that usually link two cells: fewer do not come from all round the vessel
 
 
 @dataclass(frozen=True, eq=False)
 class SectionSamples:
-    """Wall vertices turned into one half plane: (m, 2) places in (radius, height), (m, 2) normals, (m,) weights, and
-    (m,) numbers of the vertices.
+    """Wall vertices turned into one half plane: (m, 2) places in (radius, height), (m, 2) normals, (m,) weights, (m,)
+    angles from which they were turned, and (m,) numbers of the vertices.
     """
 
     place: Floats
     normal: Floats
     weight: Floats
+    angle: Floats
     vertex: Ints
 
     def of(self, which: Bools) -> "SectionSamples":
         """The chosen samples."""
-        return SectionSamples(self.place[which], self.normal[which], self.weight[which], self.vertex[which])
+        return SectionSamples(
+            self.place[which], self.normal[which], self.weight[which], self.angle[which], self.vertex[which]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Samples taken together: (n, 2) mean places and normals, (n,) weights, and (n,) whether they come from all round
+    the vessel.
+    """
+
+    place: Floats
+    normal: Floats
+    weight: Floats
+    recurring: Bools
 
 
 def section_samples(wall: Wall, axis: Axis, *, middle: float, nearness: float) -> SectionSamples:
@@ -73,7 +89,8 @@ def section_samples(wall: Wall, axis: Axis, *, middle: float, nearness: float) -
     # a wall that faces along θ is a handle or a mislabelled fracture: the square of what is left grades it down
     weight = areas * (normal**2).sum(axis=1)
     weight *= np.exp(-0.5 * (wrapped(turned[:, 0] - middle) / nearness) ** 2)
-    return SectionSamples(turned[:, 1:], normal, weight, np.arange(len(weight))).of(weight > 1e-4 * weight.max())
+    samples = SectionSamples(turned[:, 1:], normal, weight, turned[:, 0], np.arange(len(weight)))
+    return samples.of(weight > 1e-4 * weight.max())
 
 
 def section_normals(points: Floats, normals: Floats, axis: Axis) -> Floats:
@@ -106,6 +123,7 @@ def mirrored(samples: SectionSamples, s: Floats) -> tuple[SectionSamples, Floats
         np.concatenate([samples.place, samples.place * [-1, 1]]),
         np.concatenate([samples.normal, samples.normal * [-1, 1]]),
         np.tile(samples.weight, 2),
+        np.concatenate([samples.angle, samples.angle + np.pi]),
         np.tile(samples.vertex, 2),
     )
     return both, np.concatenate([s, -s])
@@ -149,7 +167,7 @@ def lengths_along_mesh(samples: SectionSamples, edge: Floats, *, wall: TriangleM
     return _lengths_from_base(graph + joins, cells, heavy, edge=edge, link=link)[cell]
 
 
-def _linked_by_nearness(cells: SectionSamples, heavy: Bools, link: float) -> "sparse.csr_array":
+def _linked_by_nearness(cells: _Cells, heavy: Bools, link: float) -> "sparse.csr_array":
     """(n, n) distances between cells no farther apart than a length that face alike."""
     near = cKDTree(cells.place).query_pairs(link, output_type="ndarray")
     alike = np.einsum("ij,ij->i", cells.normal[near[:, 0]], cells.normal[near[:, 1]]) > 0.3
@@ -158,9 +176,7 @@ def _linked_by_nearness(cells: SectionSamples, heavy: Bools, link: float) -> "sp
     return sparse.csr_array((np.linalg.norm(cells.place[a] - cells.place[b], axis=1) + 1e-9, (a, b)), shape=(n, n))
 
 
-def _lengths_from_base(
-    graph: "sparse.csr_array", cells: SectionSamples, heavy: Bools, *, edge: Floats, link: float
-) -> Floats:
+def _lengths_from_base(graph: "sparse.csr_array", cells: _Cells, heavy: Bools, *, edge: Floats, link: float) -> Floats:
     """(n,) lengths through the graph from the end of the profile nearer to the base; NaN off the hole's part."""
     part = connected_components(graph, directed=False)[1]
     at_hole = np.unique(cKDTree(cells.place[heavy]).query(edge)[1])
@@ -221,13 +237,11 @@ def _lengths_past(graph: "sparse.csr_array", from_top: Floats, *, seeds: Bools, 
     return np.asarray(length + np.where(source >= 0, from_top[np.maximum(source, 0)], 0.0))
 
 
-def _linked_by_mesh(
-    samples: SectionSamples, cell: Ints, cells: SectionSamples, wall: TriangleMesh
-) -> "sparse.csr_array":
+def _linked_by_mesh(samples: SectionSamples, cell: Ints, cells: _Cells, wall: TriangleMesh) -> "sparse.csr_array":
     """(n, n) distances between cells that many edges of the mesh lead from and to, all round the vessel.
 
     Two walls may be nearer to each other than cells are wide, but no edge leads from one to the other; but for a few,
-    where fracture was taken for wall.
+    where fracture was taken for wall, over cells that come from there alone.
     """
     number, weight = np.full(wall.n_vertices, -1), np.zeros(wall.n_vertices)
     number[samples.vertex], weight[samples.vertex] = cell, samples.weight
@@ -239,7 +253,7 @@ def _linked_by_mesh(
     a, b = count.coords
     most = np.zeros(n)
     np.maximum.at(most, np.concatenate([a, b]), np.tile(count.data, 2))
-    many = count.data > FEW * np.median(most[most > 0.0])
+    many = (count.data > FEW * np.median(most[most > 0.0])) & cells.recurring[a] & cells.recurring[b]
     a, b = a[many], b[many]
     length = np.linalg.norm(cells.place[a] - cells.place[b], axis=1) + 1e-9
     short = length <= LONGEST * np.median(length) if len(length) else many[:0]
@@ -251,7 +265,7 @@ def _check_known(place: Floats, edge: Floats, link: float) -> None:
         raise NoSurface("The wall around the hole gives no single profile: give more of the sherds beside it.")
 
 
-def _cells(samples: SectionSamples) -> tuple[Ints, SectionSamples]:
+def _cells(samples: SectionSamples) -> tuple[Ints, _Cells]:
     """(m,) cell of every sample, and the cells' means; both sides of a foot fall into cells of their own."""
     quarter = np.floor(np.arctan2(samples.normal[:, 1], samples.normal[:, 0]) / (np.pi / 2))
     keys = np.column_stack([np.floor(samples.place / CELL), quarter]).astype(np.int64)
@@ -261,10 +275,13 @@ def _cells(samples: SectionSamples) -> tuple[Ints, SectionSamples]:
         np.stack([np.bincount(cell, samples.weight * x) / total for x in rows.T], axis=1)
         for rows in (samples.place, samples.normal)
     )
-    return cell, SectionSamples(place, normal, total, np.arange(len(total)))
+    sector = np.floor(wrapped(samples.angle) * (SECTORS / (2 * np.pi))).astype(np.int64)
+    seen = np.unique(np.stack([cell, sector]), axis=1)[0]
+    sectors = np.bincount(seen, minlength=len(total))
+    return cell, _Cells(place, normal, total, sectors > SELDOM * np.median(sectors[cell]))
 
 
-def _from_base_up(length: Floats, cells: SectionSamples) -> Floats:
+def _from_base_up(length: Floats, cells: _Cells) -> Floats:
     """Lengths counted from the other end where the tangent turned clockwise would point against the wall's normals."""
     order = np.argsort(length)[: np.isfinite(length).sum()]
     tangent = np.stack([-cells.normal[:, 1], cells.normal[:, 0]], axis=1)[order]

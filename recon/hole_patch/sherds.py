@@ -47,7 +47,7 @@ __all__ = [
     "surroundings",
     "surroundings_in",
     "what_was_found",
-    "with_fracture",
+    "with_labels",
 ]
 
 Floats = NDArray[np.float64]
@@ -204,7 +204,7 @@ def read_sherds(sherds: Sequence[TriangleMesh]) -> Reading:
     thickness = OPEN_THICKNESS * table.spacing
     labels = np.full(table.n_faces, OUTER)
     if axis is not None:
-        labels = label_walls(table, normals, axis, fracture=void, thickness=thickness)
+        labels = label_walls(table, normals, axis, fracture=void, doubtful=void, thickness=thickness)
     cycles = _cycles(table, normals, axis, labels, hole=void, closed=closed, thickness=thickness)
     return Reading(table, normals, axis, labels, thickness, closed, void, void, cycles)
 
@@ -219,21 +219,17 @@ def _read_closed(table: Assembly, normals: Floats, axis: Axis | None, closed: Fl
     if thickness > THICKEST * float(np.quantile(axis.cylindrical(table.centres)[:, 1], 0.95)):
         raise NoHole("the sherds are no vessel: their walls would be as thick as the whole is wide.")
     mated = mated_faces(table, normals, 0.4 * thickness)
-    fracture = fracture_faces(table, normals, axis, mated=mated, thickness=thickness)
+    fracture, doubtful = fracture_faces(table, normals, axis, mated=mated, thickness=thickness)
     fracture &= closed[table.face_sherd]
     thickness = wall_thickness(table, fracture)
-    labels = label_walls(table, normals, axis, fracture=fracture, thickness=thickness)
+    labels = label_walls(table, normals, axis, fracture=fracture, doubtful=doubtful, thickness=thickness)
     wall = labels != FRACTURE
     axis = wheel_axis(table.centres[wall], normals[wall], table.areas[wall]) or axis
-    return _with_labels(Reading(table, normals, axis, labels, thickness, closed, mated, ~wall, []), labels)
+    return with_labels(Reading(table, normals, axis, labels, thickness, closed, mated, ~wall, []), labels)
 
 
-def with_fracture(reading: Reading, faces: Flags) -> Reading:
-    """The reading of closed sherds with more faces (F,) taken for fracture, its holes found anew."""
-    return _with_labels(reading, np.where(faces, FRACTURE, reading.labels))
-
-
-def _with_labels(reading: Reading, labels: Ints) -> Reading:
+def with_labels(reading: Reading, labels: Ints) -> Reading:
+    """The reading of closed sherds with other labels (F,), its holes found anew."""
     table, thickness = reading.table, reading.thickness
     hole = looks_into_hole(table, labels == FRACTURE, reading.mated, radius=0.7 * thickness)
     cycles = _cycles(

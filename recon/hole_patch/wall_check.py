@@ -20,7 +20,14 @@ from recon.geometry.trimmed import ThickPiece, TrimmedSurface
 from recon.hole_patch.rim_check import LEAST_FRACTURE, NEAR, fracture_met
 from recon.hole_patch.surroundings import HoleEdge, Surroundings
 
-__all__ = ["WallFigures", "check_fracture_met", "check_fracture_unfolded", "check_walls_go_on", "wall_figures"]
+__all__ = [
+    "MOST_OFF",
+    "WallFigures",
+    "check_fracture_met",
+    "check_fracture_unfolded",
+    "check_walls_go_on",
+    "wall_figures",
+]
 
 Floats = NDArray[np.float64]
 
@@ -46,10 +53,10 @@ class WallFigures:
     place: Floats
     at_foot: bool = False
 
-    def problem(self) -> str:
-        """What is wrong with the walls of the piece, or nothing."""
+    def problem(self, most: float = MOST_OFF) -> str:
+        """What is wrong with the walls of the piece, or nothing where no larger share stands off."""
         share, name = max((self.outer, "outer"), (self.inner, "inner"))
-        if share <= MOST_OFF:
+        if share <= most:
             return ""
         x, y, z = self.place
         reason = (
@@ -59,13 +66,17 @@ class WallFigures:
         )
         return (
             f"over {share:.0%} of its edge, near ({x:.3g}, {y:.3g}, {z:.3g}), the {name} wall around does not go on in"
-            f" it ({MOST_OFF:.0%} allowed). {reason}, or fracture was taken for wall"
+            f" it ({most:.0%} allowed). {reason}, or fracture was taken for wall"
         )
 
 
-def check_walls_go_on(outer: TrimmedSurface, inner: TrimmedSurface, around: Surroundings) -> None:
-    """Raises  NoSurface, with the reason, when the walls between which a piece is to be made cannot be right."""
-    problem = wall_figures(outer, inner, around).problem()
+def check_walls_go_on(
+    outer: TrimmedSurface, inner: TrimmedSurface, around: Surroundings, most: float = MOST_OFF
+) -> None:
+    """Raises  NoSurface, with the reason, when the walls between which a piece is to be made cannot be right: where
+    they stand off from more than a share of their edges.
+    """
+    problem = wall_figures(outer, inner, around).problem(most)
     if problem:
         raise NoSurface(f"The piece cannot be right: {problem}.")
 

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from recon.geometry.mesh import TriangleMesh
 from recon.hole_patch.assembly import Assembly, label_groups
 from recon.hole_patch.axis import SECTORS, coverage
-from recon.hole_patch.fracture import has_far_side
+from recon.hole_patch.fracture import has_far_side, majority
 from recon.hole_patch.surroundings import Axis
 
 __all__ = [
@@ -45,6 +45,9 @@ CREASE = np.radians(15.0)
 MAX_STEPS = 200
 RECURRING = 0.6  # of the turn that is there; no crack comes back so often at one depth, one slope
 ASKED, MOST_ASKED = 15, 20_000  # wall faces that say how deep another lies, and of how many they are taken
+NEAR_EDGE = 1.25  # thicknesses from the outer edge of a crack, that its faces are where the wall is even
+DOUBTFUL = 0.04  # share of wall in a fracture face; between cracks and lumps there is a wide gap
+ALONG = 0.57  # cosine to the wall beside it of what lies along it: within 55°
 DEEP, DEEPEST = 0.15, 0.3  # of the thickness: neither relief nor a lump lies so far below the surface of an even wall
 
 
@@ -84,8 +87,10 @@ def _descend(matrix: csr_array, right: Floats, start: Floats, scale: Floats) -> 
     return x
 
 
-def fracture_faces(table: Assembly, normals: Floats, axis: Axis, *, mated: Flags, thickness: float) -> Flags:
-    """(F,) whether a face of closed sherds is fracture.
+def fracture_faces(
+    table: Assembly, normals: Floats, axis: Axis, *, mated: Flags, thickness: float
+) -> tuple[Flags, Flags]:
+    """(F,) whether a face of closed sherds is fracture; and (F,) which of them may be a lump on a wall as well.
 
     mated      (F,) faces with a neighbour's fracture against them
     thickness  of the wall; parts smaller than its square go to what surrounds them
@@ -106,7 +111,8 @@ def fracture_faces(table: Assembly, normals: Floats, axis: Axis, *, mated: Flags
     wall[deep & ~mated & ~far] = 0.0
     guess = np.where(mated, 0.0, wall)
     share = spread(table, normals, guess=guess, belief=np.where(mated, 0.2, belief))
-    return _without_specks(table, (share < 0.5).astype(np.int64), thickness**2) == 1
+    fracture = _without_specks(table, (share < 0.5).astype(np.int64), thickness**2) == 1
+    return fracture, fracture & (share > DOUBTFUL) & ~mated
 
 
 def lip_height(height: Floats) -> float:
@@ -147,11 +153,16 @@ def _contradicted(table: Assembly, normals: Floats, wall: Floats, *, far: Flags,
         return none, none
     unsure = np.flatnonzero(~far & ~mated)
     along = np.ones(table.n_faces)
-    count = min(6, len(sure))
-    _, near = cKDTree(table.centres[sure]).query(table.centres[unsure], k=count)
-    cosines = (normals[sure[near.reshape(len(unsure), count)]] * normals[unsure][:, None]).sum(axis=2)
-    along[unsure] = np.median(np.abs(cosines), axis=1)
-    return (wall < 0.5) & (far | (along > 0.57)), (wall >= 0.5) & ~far & (along < 0.4)
+    along[unsure] = _along(table, normals, sure, unsure)
+    return (wall < 0.5) & (far | (along > ALONG)), (wall >= 0.5) & ~far & (along < 0.4)
+
+
+def _along(table: Assembly, normals: Floats, walls: Ints, faces: Ints) -> Floats:
+    """(k,) cosine between faces (k,) and the wall faces nearest to them, the median of a few."""
+    count = min(6, len(walls))
+    _, near = cKDTree(table.centres[walls]).query(table.centres[faces], k=count)
+    cosines = (normals[walls[near.reshape(len(faces), count)]] * normals[faces][:, None]).sum(axis=2)
+    return np.asarray(np.median(np.abs(cosines), axis=1))
 
 
 def _without_specks(table: Assembly, labels: Ints, area: float) -> Ints:
@@ -171,8 +182,12 @@ def _without_specks(table: Assembly, labels: Ints, area: float) -> Ints:
     return labels
 
 
-def label_walls(table: Assembly, normals: Floats, axis: Axis, *, fracture: Flags, thickness: float) -> Ints:
+def label_walls(
+    table: Assembly, normals: Floats, axis: Axis, *, fracture: Flags, doubtful: Flags, thickness: float
+) -> Ints:
     """(F,) OUTER, INNER or FRACTURE for every face.
+
+    fracture, doubtful  (F,) as `fracture_faces` found them
 
     Groups of wall faces are told apart by the side they turn to a point on the axis at the height of the mouth; the two
     walls meet along the lip.
@@ -184,7 +199,7 @@ def label_walls(table: Assembly, normals: Floats, axis: Axis, *, fracture: Flags
     share = spread(table, normals, guess=guess, belief=belief)
     labels = np.where(fracture, FRACTURE, np.where(share > 0.5, OUTER, INNER))
     labels = _without_specks(table, labels, thickness**2)
-    labels[_far_from_outer_edge(table, labels, 2.0 * thickness)] = INNER
+    labels[_lumps(table, labels, doubtful, thickness)] = INNER
     return _without_specks(table, labels, thickness**2)
 
 
@@ -204,18 +219,24 @@ def _seen_from_mouth(table: Assembly, normals: Floats, axis: Axis, thickness: fl
     return facing, distance > front[slot] + 1.5 * thickness
 
 
-def _far_from_outer_edge(table: Assembly, labels: Ints, reach: float) -> Flags:
-    """(F,) fracture faces to which no edge between outer wall and fracture is near.
+def _lumps(table: Assembly, labels: Ints, doubtful: Flags, thickness: float) -> Flags:
+    """(F,) fracture faces that no edge between outer wall and fracture is near, and that are doubtful.
 
-    A crack that does not reach the outside is no crack, but a lump on the inner wall.
+    A crack that does not reach the outside is no crack, but a lump on the inner wall. Where the wall is thick, as
+    beside a base, cracks reach as far from their outer edge, but of them there is no doubt.
     """
     i, j = table.pairs.T
     meet = (np.minimum(labels[i], labels[j]) == FRACTURE) & (np.maximum(labels[i], labels[j]) == OUTER)
     far = labels == FRACTURE
-    if meet.any() and far.any():
-        edge = table.vertices[table.pair_edges[meet]].mean(axis=1)
-        distance, _ = cKDTree(edge).query(table.centres[far], distance_upper_bound=reach)
-        far[far] = np.isinf(distance)
+    if not meet.any() or not far.any():
+        return far
+    edge = table.vertices[table.pair_edges[meet]].mean(axis=1)
+    distance, _ = cKDTree(edge).query(table.centres[far], distance_upper_bound=NEAR_EDGE * thickness)
+    far[far] = np.isinf(distance)
+    for sherd in range(table.n_sherds):
+        faces = np.flatnonzero(far & (table.face_sherd == sherd))
+        if len(faces):
+            far[faces] = majority(table.centres[faces], table.areas[faces], doubtful[faces], radius=thickness)
     return far
 
 

@@ -10,9 +10,10 @@ from recon.errors import NoSolid
 from recon.geometry.analytic import AnalyticSurface, Blend
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.voxel_mesh.marching_cubes import GridSurface, marching_cubes
-from recon.voxel_mesh.open_intervals import NEAR, moved_within, open_interval, open_radius, roundest, snapped_surface
+from recon.voxel_mesh.open_intervals import NEAR, open_interval, open_radius, roundest, snapped_surface
 from recon.voxel_mesh.recognition import recognised
 from recon.voxel_mesh.regions import analytic_regions, smooth_surface
+from recon.voxel_mesh.settled_surfaces import Ends, settled_faces
 from recon.voxel_mesh.terraces import without_terraces
 from recon.voxel_mesh.voting import Vote
 
@@ -72,31 +73,24 @@ def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text
     regions, _ = analytic_regions(smooth)
     if not regions:
         raise NoSolid(f"nothing on {grid.name} is a plane, a cylinder, a sphere or a cone")
-    found = recognised(smooth, regions)
+    doing("settling the surfaces between the voxels")
+    ends = Ends(*_ends(surface, grid), smooth.normal)
+    found = settled_faces(recognised(smooth, regions), ends, smooth.middle)
     place = (grid.direction, grid.voxel, grid.origin)
-    solid, empty = _ends(surface, grid)
-    intervals = [open_interval(one, solid[m], empty[m]) for one, m in zip(found.surfaces, found.members)]
-    surfaces = [moved_within(one, interval) for one, interval in zip(found.surfaces, intervals)]
-    blends = []
-    for blend, members in zip(found.blends, found.blend_members):
-        low, high = open_radius(blend, surfaces, solid[members], empty[members])
-        blends.append(replace(blend, radius=0.5 * (low + high)).placed(*place))
-    left = [open_interval(one, solid[m], empty[m]) for one, m in zip(surfaces, found.members)]
+    intervals = [open_interval(one, ends.solid[m], ends.empty[m]) for one, m in zip(found.surfaces, found.members)]
     return AnalyticPart(
         grid,
-        tuple(s.placed(*place) for s in surfaces),
-        tuple(blends),
-        tuple((low * grid.voxel, high * grid.voxel) for low, high in left),
-        tuple((grid.place(solid[m]), grid.place(empty[m])) for m in found.blend_members),
+        tuple(s.placed(*place) for s in found.surfaces),
+        tuple(b.placed(*place) for b in found.blends),
+        tuple((low * grid.voxel, high * grid.voxel) for low, high in intervals),
+        tuple((grid.place(ends.solid[m]), grid.place(ends.empty[m])) for m in found.blend_members),
         _box(surface, grid),
     )
 
 
 def _ends(surface: GridSurface, grid: VoxelGrid) -> tuple[Floats, Floats]:
     """Solid and empty end of every vertex's grid edge, in voxels."""
-    step = np.eye(3, dtype=np.int64)[surface.edge_axis]
-    empty = surface.edge_voxel + np.where(surface.solid_below[:, None], step, 0)
-    return surface.solid_voxels() * grid.proportions, empty * grid.proportions
+    return surface.solid_voxels() * grid.proportions, surface.empty_voxels() * grid.proportions
 
 
 def _box(surface: GridSurface, grid: VoxelGrid) -> tuple[Floats, Floats]:

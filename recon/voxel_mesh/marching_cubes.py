@@ -47,6 +47,25 @@ class GridSurface:
         step = np.eye(3, dtype=np.int64)[self.edge_axis]
         return self.edge_voxel + np.where(self.solid_below[:, None], 0, step)
 
+    def empty_voxels(self) -> Ints:
+        """(V, 3) index of the empty voxel at its other end, which may lie before or behind the grid."""
+        step = np.eye(3, dtype=np.int64)[self.edge_axis]
+        return self.edge_voxel + np.where(self.solid_below[:, None], step, 0)
+
+    def side_centres(self, proportions: Floats) -> tuple[Floats, Floats]:
+        """Solid (n, 3) and empty (m, 3) centres beside the surface, each once, in voxels."""
+        solid, empty = (_distinct(index) for index in (self.solid_voxels(), self.empty_voxels()))
+        return solid * proportions, empty * proportions
+
+
+def _distinct(index: Ints) -> Ints:
+    """Each row of (n, 3) indices once."""
+    low = index.min(axis=0)
+    shape = tuple((index.max(axis=0) - low + 1).tolist())
+    return (
+        np.stack(np.unravel_index(np.unique(np.ravel_multi_index(tuple((index - low).T), shape)), shape), axis=1) + low
+    )
+
 
 def marching_cubes(grid: VoxelGrid) -> GridSurface:
     """Surface of the solid voxels; where they reach the border of the grid it closes half a voxel outside.

@@ -8,19 +8,20 @@ A round value is a prior that the grid does not hold, so it is taken only when a
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry.analytic import AnalyticSurface, Blend, Cylinder, Plane
+from recon.voxel_mesh.rolling_ball import rolled
 
-__all__ = ["NEAR", "blend_cylinder", "moved_within", "open_interval", "open_radius", "roundest", "snapped_surface"]
+__all__ = ["NEAR", "open_interval", "open_radius", "roundest", "snapped_surface"]
 
 Floats = NDArray[np.float64]
 
 UPRIGHT = np.cos(np.radians(0.3))
 NEAR = 0.3  # voxels that an axis may move to a round place
+ASKED = 400  # grid edges of a rounding that are asked
 
 
 def open_interval(surface: AnalyticSurface, solid_ends: Floats, empty_ends: Floats) -> tuple[float, float]:
@@ -61,52 +62,32 @@ def snapped_surface(
     return surface
 
 
-def moved_within(surface: AnalyticSurface, interval: tuple[float, float]) -> AnalyticSurface:
-    """The surface moved along its normal into its interval, as little as that takes; planes and cylinders only."""
-    low, high = interval
-    spare = min(0.1 * (high - low), 0.002)
-    move = min(max(0.0, low + spare), high - spare)
-    if isinstance(surface, Plane):
-        return replace(surface, offset=surface.offset + move)
-    if isinstance(surface, Cylinder) and abs(move) < 0.5 * surface.radius:
-        return replace(surface, radius=surface.radius + move)
-    return surface
-
-
-def blend_cylinder(
-    first: AnalyticSurface, second: AnalyticSurface, radius: float, *, side: float, near: Floats
-) -> Cylinder:
-    """The cylinder that touches two planes, its axis before (side 1) or behind (-1) both, its point beside `near`."""
-    assert isinstance(first, Plane) and isinstance(second, Plane)
-    axis = np.cross(first.normal_vector, second.normal_vector)
-    axis = axis / np.linalg.norm(axis)
-    system = np.stack([first.normal_vector, second.normal_vector, axis])
-    wanted = np.array([first.offset + side * radius, second.offset + side * radius, axis @ near])
-    return Cylinder(np.linalg.solve(system, wanted), axis, radius)
-
-
 def open_radius(
     blend: Blend, surfaces: Sequence[AnalyticSurface], solid_ends: Floats, empty_ends: Floats
 ) -> tuple[float, float]:
     """Radii of a blend, from and to, with which the fewest ends of its vertices' grid edges lie on a wrong side."""
     first, second = surfaces[blend.first], surfaces[blend.second]
+    step = max(1, len(solid_ends) // ASKED)
+    solid_ends, empty_ends = solid_ends[::step], empty_ends[::step]
 
-    def misses(radius: float, side: float) -> float:
-        round_one = blend_cylinder(first, second, radius, side=side, near=blend.middle)
-        over, under = -side * round_one.distance(solid_ends), -side * round_one.distance(empty_ends)
-        return float(np.maximum(over, 0.0).sum() - np.minimum(under, 0.0).sum())
+    def misses(radius: float, outside: float) -> float:
+        inner, outer = (
+            outside * rolled(x, first, second, sides=blend.sides, radius=radius).distance
+            for x in (solid_ends, empty_ends)
+        )
+        return float(np.maximum(inner, 0.0).sum() - np.minimum(outer, 0.0).sum())
 
-    side = min((-1.0, 1.0), key=lambda s: misses(blend.radius, s))
+    outside = min((-1.0, 1.0), key=lambda s: misses(blend.radius, s))
     low, high = 0.6 * blend.radius, 1.7 * blend.radius
     for _ in range(3):
         radii = np.linspace(low, high, 81)
-        missed = np.array([misses(float(r), side) for r in radii])
+        missed = np.array([misses(float(r), outside) for r in radii])
         best = np.flatnonzero(missed <= missed.min() + 1e-9)
-        step = radii[1] - radii[0]
-        low, high = float(radii[best[0]]) - step, float(radii[best[-1]]) + step
+        step_there = radii[1] - radii[0]
+        low, high = float(radii[best[0]]) - step_there, float(radii[best[-1]]) + step_there
         if len(best) > 40:
             break
-    return low + step, high - step
+    return low + step_there, high - step_there
 
 
 def _upright(direction: Floats) -> Floats | None:

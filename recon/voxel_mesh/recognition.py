@@ -1,28 +1,25 @@
 """From regions to the surfaces of a part: parallel directions made parallel, coplanar faces one plane, blends told.
 
     region          vertices on one fitted surface           direction   planes and axes within 1.2 degrees share one
-    surface         distinct: one plane for all its regions  blend       a cylinder that touches two planes, its radius
-                                                                         fitted again under exact tangency
-What the grid leaves open of an offset or a radius is an interval: moved anywhere within it, the surface still passes
-between the solid and the empty end of all grid edges of its regions.
+    surface         distinct: one plane for all its regions  blend       where a ball rolls along two surfaces
 
 All lengths in voxels.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.optimize import minimize_scalar
 from scipy.sparse import csgraph
 
 from recon.geometry.analytic import AnalyticSurface, Blend, Cylinder, Plane, Sphere
 from recon.voxel_mesh.fits import across, fit_cylinder, fit_plane_through
 from recon.voxel_mesh.regions import Region, SmoothSurface
+from recon.voxel_mesh.roundings import Rounding, without_roundings
+from recon.voxel_mesh.settled_surfaces import Faces
 
-__all__ = ["Recognised", "recognised"]
+__all__ = ["recognised"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,26 +35,10 @@ LEAST_NARROW = 40  # vertices of a plane that only its direction tells
 LEVEL, NARROW_LEVEL = np.cos(np.radians([12.0, 25.0]))  # angle of a plane's normals; those of a narrow one are smoothed
 ALIKE = 1.4  # times smaller or larger may the radius of a cylinder become by joining an arc to it
 FACING = 0.7  # cosine of the angle to a cylinder's normal, at least, where steps have turned a vertex's own
-TANGENT = 0.3  # of the radius: how far the first fit may miss the tangency that the second makes exact
 
 
-@dataclass(frozen=True, eq=False)
-class Recognised:
-    """Surfaces of a part.
-
-    surfaces  distinct, blends not among them
-    members   vertices of each surface's regions
-    blends    rounded edges between two of the planes; blend_members their vertices
-    """
-
-    surfaces: tuple[AnalyticSurface, ...]
-    members: tuple[Ints, ...]
-    blends: tuple[Blend, ...]
-    blend_members: tuple[Ints, ...]
-
-
-def recognised(s: SmoothSurface, regions: list[Region]) -> Recognised:
-    """The distinct surfaces under the regions."""
+def recognised(s: SmoothSurface, regions: list[Region]) -> Faces:
+    """The distinct surfaces under the regions, and the roundings of their edges."""
     regions = [_flattened(s, r, LEVEL) for r in regions]
     others = _joined(s, [r for r in regions if not isinstance(r.surface, Plane)])
     planes = [r for r in regions if isinstance(r.surface, Plane) and not _is_part(s, r, others)]
@@ -68,22 +49,58 @@ def recognised(s: SmoothSurface, regions: list[Region]) -> Recognised:
     planes += ends
     planes += _narrow_planes(s, regions, directions, [*planes, *others])
     flat = _distinct_planes(s, planes, directions)
-    blends, round_ones = _blends(s, others, flat)
-    round_ones = _joined(s, [_straightened(s, r, directions) for r in round_ones])
+    own, roundings = without_roundings(s, [*flat, *others])
+    flat = [r for r in own if isinstance(r.surface, Plane)]
+    round_ones = _joined(s, [_straightened(s, r, directions) for r in own if not isinstance(r.surface, Plane)])
     round_ones = _joined(s, [_filled_up(s, r) for r in round_ones])
-    kept = _unabsorbed(s, [*flat, *round_ones], blends)
-    number = {id(r): k for k, r in enumerate(kept)}
-    told = [
-        (replace(b, first=number[id(flat[b.first])], second=number[id(flat[b.second])]), members)
-        for b, members in blends
-        if id(flat[b.first]) in number and id(flat[b.second]) in number
+    needed = {id(r) for f in roundings for r in (f.first, f.second)}
+    kept = _unabsorbed(s, [*flat, *round_ones], needed)
+    blends, blend_members = _as_blends(s, kept, roundings)
+    return Faces(tuple(r.surface for r in kept), tuple(r.vertices for r in kept), blends, blend_members)
+
+
+def _as_blends(
+    s: SmoothSurface, kept: list[Region], roundings: list[Rounding]
+) -> tuple[tuple[Blend, ...], tuple[Ints, ...]]:
+    """One blend for all roundings of two surfaces that hang together, with its vertices."""
+    label = np.full(len(s.middle), -1)
+    for k, region in reversed(list(enumerate(kept))):
+        label[region.vertices] = k
+    pairs: dict[tuple[int, int], list[Rounding]] = {}
+    for rounding in roundings:
+        pair = [_most(label[r.vertices]) for r in (rounding.first, rounding.second)]
+        if min(pair) >= 0 and pair[0] != pair[1]:
+            pairs.setdefault((pair[0], pair[1]), []).append(rounding)
+    blends: list[Blend] = []
+    members: list[Ints] = []
+    for (a, b), group in pairs.items():
+        for run in _runs(s, group):
+            vertices = np.unique(np.concatenate([f.vertices for f in run]))
+            weights = [len(f.vertices) for f in run]
+            x = s.middle[vertices]
+            middle = x[int(np.linalg.norm(x - x.mean(axis=0), axis=1).argmin())]
+            radius = float(np.average([f.radius for f in run], weights=weights))
+            blends.append(Blend(a, b, radius, middle, run[0].sides))
+            members.append(vertices)
+    return tuple(blends), tuple(members)
+
+
+def _most(labels: Ints) -> int:
+    """The label that most have, -1 where most have none."""
+    values, counts = np.unique(labels, return_counts=True)
+    return int(values[counts.argmax()])
+
+
+def _runs(s: SmoothSurface, roundings: list[Rounding]) -> list[list[Rounding]]:
+    """Roundings of one edge each: their boxes are nearer to each other than the radius."""
+    boxes = [(s.middle[f.vertices].min(axis=0), s.middle[f.vertices].max(axis=0)) for f in roundings]
+    links = [
+        (np.maximum(a[0], b[0]) - np.minimum(a[1], b[1])).max() <= f.radius
+        for a in boxes
+        for b, f in zip(boxes, roundings)
     ]
-    return Recognised(
-        tuple(r.surface for r in kept),
-        tuple(r.vertices for r in kept),
-        tuple(b for b, _ in told),
-        tuple(m for _, m in told),
-    )
+    n, part = csgraph.connected_components(np.array(links).reshape(len(boxes), -1), directed=False)
+    return [[f for f, p in zip(roundings, part) if p == number] for number in range(n)]
 
 
 def _normal(region: Region) -> Floats:
@@ -308,72 +325,6 @@ def _circle(x: Floats, axis: Floats, first: Cylinder) -> Cylinder | None:
     return Cylinder(e @ centre + (x @ axis).mean() * axis, axis, float(radius))
 
 
-def _blends(
-    s: SmoothSurface, regions: list[Region], planes: list[Region]
-) -> tuple[list[tuple[Blend, Ints]], list[Region]]:
-    """Blends with their vertices, and the round regions that are none."""
-    blends, rest = [], []
-    for region in regions:
-        found = _as_blend(s, region, planes) if isinstance(region.surface, Cylinder) else None
-        if found is None:
-            rest.append(region)
-        else:
-            blends.append((found, region.vertices))
-    return blends, rest
-
-
-def _as_blend(s: SmoothSurface, region: Region, planes: list[Region]) -> Blend | None:
-    cylinder = region.surface
-    assert isinstance(cylinder, Cylinder)
-    touching = [k for k, r in enumerate(planes) if _touches(cylinder, r.surface)]
-    x = s.middle[region.vertices]
-    # a sliver of a rounding may pass for a plane of its own: of the pairs that fit, the one of the larger planes
-    pairs = sorted(
-        ((a, b) for i, a in enumerate(touching) for b in touching[:i]),
-        key=lambda p: -min(len(planes[k].vertices) for k in p),
-    )
-    for a, b in pairs:
-        fit = _tangent_fit(x, cylinder, planes[a].surface, planes[b].surface)
-        if fit is not None:
-            return Blend(a, b, *fit)
-    return None
-
-
-def _touches(cylinder: Cylinder, plane: AnalyticSurface) -> bool:
-    assert isinstance(plane, Plane)
-    away = abs(float(plane.distance(cylinder.point[None])[0]))
-    return bool(
-        abs(cylinder.axis @ plane.normal_vector) < 0.1 and abs(away - cylinder.radius) < TANGENT * cylinder.radius
-    )
-
-
-def _tangent_fit(
-    x: Floats, cylinder: Cylinder, first: AnalyticSurface, second: AnalyticSurface
-) -> tuple[float, Floats] | None:
-    """Radius and middle of the cylinder that touches two planes exactly; None where it does not fit."""
-    assert isinstance(first, Plane) and isinstance(second, Plane)
-    normals = np.stack([first.normal_vector, second.normal_vector])
-    side = np.sign([p.distance(cylinder.point[None])[0] for p in (first, second)])
-    axis = np.cross(*normals)
-    if np.linalg.norm(axis) < 0.2 or side[0] != side[1]:
-        return None
-    axis = axis / np.linalg.norm(axis)
-    system = np.vstack([normals, axis])
-
-    def touching(radius: float) -> Cylinder:
-        wanted = np.append(np.array([first.offset, second.offset]) + side * radius, axis @ x.mean(axis=0))
-        return Cylinder(np.linalg.solve(system, wanted), axis, radius)
-
-    def square(radius: float) -> float:
-        return float((touching(radius).distance(x) ** 2).mean())
-
-    span = (0.5 * cylinder.radius, 1.6 * cylinder.radius)
-    radius = float(minimize_scalar(square, bounds=span, method="bounded", options={"xatol": 1e-5}).x)
-    if not _lies_on(touching(radius), x):
-        return None
-    return radius, x[int(np.abs((x - x.mean(axis=0)) @ axis).argmin())]
-
-
 def _is_part(s: SmoothSurface, region: Region, others: Sequence[Region | AnalyticSurface]) -> bool:
     """Whether a region lies on a surface, or on that of a region more than twice as large: then it is a step of it."""
     x = s.middle[region.vertices]
@@ -389,28 +340,10 @@ def _is_part(s: SmoothSurface, region: Region, others: Sequence[Region | Analyti
     return False
 
 
-def _unabsorbed(s: SmoothSurface, regions: list[Region], blends: list[tuple[Blend, Ints]]) -> list[Region]:
-    """Regions but those whose vertices lie on a larger region's surface, or on a blend's."""
-    by_size = sorted(regions, key=lambda r: -len(r.vertices))
-    cylinders = [_blend_cylinder(b, regions, s.middle[m]) for b, m in blends]
-    used = {k for b, _ in blends for k in (b.first, b.second)}
+def _unabsorbed(s: SmoothSurface, regions: list[Region], needed: set[int]) -> list[Region]:
+    """Regions but those whose vertices lie on a larger region's surface; the needed ones, by identity, stay."""
     kept: list[Region] = []
-    for region in by_size:
-        needed = any(regions[k] is region for k in used)
-        if needed or not _is_part(s, region, [*kept, *cylinders]):
+    for region in sorted(regions, key=lambda r: -len(r.vertices)):
+        if id(region) in needed or not _is_part(s, region, kept):
             kept.append(region)
     return kept
-
-
-def _blend_cylinder(blend: Blend, planes: list[Region], x: Floats) -> Cylinder:
-    first, second = planes[blend.first].surface, planes[blend.second].surface
-    assert isinstance(first, Plane) and isinstance(second, Plane)
-    normals = np.stack([first.normal_vector, second.normal_vector])
-    axis = np.cross(*normals)
-    axis = axis / np.linalg.norm(axis)
-    # of the four cylinders that touch both planes, the one that the vertices lie on
-    candidates = []
-    for side in (-1.0, 1.0):
-        wanted = np.append(np.array([first.offset, second.offset]) + side * blend.radius, axis @ x.mean(axis=0))
-        candidates.append(Cylinder(np.linalg.solve(np.vstack([normals, axis]), wanted), axis, blend.radius))
-    return min(candidates, key=lambda c: float(np.abs(c.distance(x)).mean()))

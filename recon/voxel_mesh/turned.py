@@ -25,6 +25,7 @@ from recon.numerics.halfedges import vertex_normals
 from recon.voxel_mesh.fits import across
 from recon.voxel_mesh.marching_cubes import GridSurface, marching_cubes
 from recon.voxel_mesh.profile import profile_pieces
+from recon.voxel_mesh.settled_profile import settled
 from recon.voxel_mesh.terraces import without_terraces
 
 __all__ = ["fitted_axis", "turned_part"]
@@ -57,7 +58,9 @@ def turned_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text: 
     if ((share > 0.05) & (share < 0.95)).sum() * STEP**2 > MIXED * length:
         raise NoSolid(f"{grid.name} has an axis, but not all of it is turned")
     loops = _loops([profile_pieces(line) for line in lines if len(line) > 8])
-    return TurnedPart(origin, axis, loops).placed(grid.direction, grid.voxel, grid.origin)
+    doing("settling the profile between the voxels")
+    part = settled(TurnedPart(origin, axis, loops), *surface.side_centres(grid.proportions))
+    return part.placed(grid.direction, grid.voxel, grid.origin)
 
 
 def fitted_axis(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
@@ -163,13 +166,7 @@ def _turned_round(piece: ProfilePiece) -> ProfilePiece:
 
 
 def _outline(loop: list[ProfilePiece]) -> Floats:
-    rows = []
-    for piece in loop:
-        if isinstance(piece, ProfileSpline):
-            rows.append(piece.curve.point(np.linspace(*piece.curve.domain, 40)[:-1]))
-        else:
-            rows.append(np.stack([piece.start, piece.middle] if isinstance(piece, ProfileArc) else [piece.start]))
-    return np.concatenate(rows)
+    return np.concatenate([p.points(2 if isinstance(p, ProfileLine) else 40)[:-1] for p in loop])
 
 
 def _area(loop: list[ProfilePiece]) -> float:

@@ -13,7 +13,9 @@ from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece
 from recon.hole_patch.lip_piece import lip_piece, lip_thickness
 from recon.hole_patch.profile import wall_profile
+from recon.hole_patch.section_samples import lengths_from_lip, section_samples
 from recon.hole_patch.sheet import Sheet
+from recon.hole_patch.surroundings import Wall
 from recon.hole_patch.wheel_sheet import wheel_sheet
 from recon.numerics.distance import TriangleTree
 from recon.numerics.polygons import within
@@ -56,6 +58,37 @@ def test_the_profile_turns_back_over_the_lip_and_meets_both_walls(lip: str) -> N
     allowed = 0.15  # a mesh of 1 mm cuts the corners of bends as sharp as these by 0.1
     assert cKDTree(truth).query(line[near])[0].max() < allowed
     assert cKDTree(line).query(truth[truth[:, 1] > -25.0])[0].max() < allowed
+
+
+def linked(wall: Wall, height: float, angles: np.ndarray) -> Wall:
+    """The wall over a lip with a level strip from the outer wall to the inner one: fracture that was read as wall."""
+    across = np.linspace(30.0, 27.0, 5)
+    angle, radius = np.meshgrid(angles, across, indexing="ij")
+    rows = np.column_stack([angle.ravel(), radius.ravel(), np.full(angle.size, height)])
+    strip = np.arange(wall.measured.n_vertices, wall.measured.n_vertices + angle.size).reshape(angle.shape)
+    nearest = cKDTree(wall.measured.vertices).query(AXIS.cartesian(rows))[1].reshape(angle.shape)
+    strip[:, [0, -1]] = nearest[:, [0, -1]]
+    a, b, c, d = strip[:-1, :-1], strip[1:, :-1], strip[1:, 1:], strip[:-1, 1:]
+    faces = np.concatenate([np.stack(x, axis=-1).reshape(-1, 3) for x in ((a, b, c), (a, c, d))])
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    mesh = TriangleMesh(
+        np.concatenate([wall.measured.vertices, AXIS.cartesian(rows)]),
+        np.concatenate([wall.measured.face_vertices, faces]),
+    )
+    n = mesh.n_vertices
+    return Wall(mesh, mesh, np.zeros(n, np.int64), np.ones(n), wall.edge, over_lip=True)
+
+
+def test_fracture_that_was_read_as_wall_is_no_part_of_the_section() -> None:
+    wall = linked(rim_wall(plain_lip()), -23.0, np.linspace(2.14, 2.86, 44))
+    samples = section_samples(wall, AXIS, middle=2.5, nearness=np.inf)
+    edge = AXIS.cylindrical(wall.edge.points)[:, 1:]
+    length = lengths_from_lip(samples, edge, wall=wall.measured)
+    between = (samples.place[:, 0] > 28.0) & (samples.place[:, 0] < 29.0) & (samples.place[:, 1] < -10.0)
+    outside = samples.place[:, 0] > 29.9
+    assert between.sum() > 20
+    assert np.isnan(length[between]).all()
+    assert np.nanmax(length[outside]) < 0.0
 
 
 def test_the_tip_parts_the_profile_where_the_walls_meet() -> None:

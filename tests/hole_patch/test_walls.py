@@ -11,6 +11,7 @@ from recon.hole_patch.assembly import Assembly, assemble, steady_normals
 from recon.hole_patch.axis import wheel_axis
 from recon.hole_patch.fracture import mated_faces, wall_thickness
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
+from recon.hole_patch.surroundings import Axis
 from recon.hole_patch.walls import FRACTURE, INNER, OUTER, fracture_faces, label_walls, spread, wall_mesh, wall_trust
 from recon.numerics.distance import closest_points
 
@@ -23,16 +24,22 @@ def vessel() -> BrokenVessel:
 
 
 @cache
-def labelled() -> tuple[Assembly, np.ndarray, np.ndarray]:
-    """The sample vessel's faces, which of them have a neighbour's fracture against them, and their labels."""
+def read() -> tuple[Assembly, np.ndarray, Axis, float]:
+    """The sample vessel's faces, their steady normals, its axis and the thickness of its wall."""
     table = assemble(vessel().sherds)
     normals = steady_normals(table)
     axis = wheel_axis(table.centres, normals, table.areas)
     assert axis is not None
-    thickness = wall_thickness(table)
+    return table, normals, axis, wall_thickness(table)
+
+
+@cache
+def labelled() -> tuple[Assembly, np.ndarray, np.ndarray]:
+    """The sample vessel's faces, which of them have a neighbour's fracture against them, and their labels."""
+    table, normals, axis, thickness = read()
     mated = mated_faces(table, normals, 0.4 * thickness)
-    fracture = fracture_faces(table, normals, axis, mated=mated, thickness=thickness)
-    return table, mated, label_walls(table, normals, axis, fracture=fracture, thickness=thickness)
+    fracture, doubtful = fracture_faces(table, normals, axis, mated=mated, thickness=thickness)
+    return table, mated, label_walls(table, normals, axis, fracture=fracture, doubtful=doubtful, thickness=thickness)
 
 
 def grid(n: int) -> TriangleMesh:
@@ -103,6 +110,18 @@ def test_outer_wall_faces_away_from_the_axis_and_inner_towards_it():
     for side, expected in ((OUTER, out), (INNER, ~out)):
         here = upright & (labels == side)
         assert table.areas[here & expected].sum() > 0.99 * table.areas[here].sum()
+
+
+@pytest.mark.parametrize(("doubt", "expected"), [(True, INNER), (False, FRACTURE)])
+def test_fracture_far_from_the_outer_wall_is_a_lump_where_it_is_doubtful(doubt: bool, expected: int) -> None:
+    _, _, labels = labelled()
+    table, normals, axis, thickness = read()
+    seed = table.centres[np.argmin(np.linalg.norm(table.centres[:, :2], axis=1) + 1e3 * (labels != INNER))]
+    patch = (labels == INNER) & (np.linalg.norm(table.centres - seed, axis=1) < 1.5 * thickness)
+    fracture = (labels == FRACTURE) | patch
+    again = label_walls(table, normals, axis, fracture=fracture, doubtful=patch & doubt, thickness=thickness)
+    areas = table.areas[patch]
+    assert areas[again[patch] == expected].sum() > 0.9 * areas.sum()
 
 
 @pytest.mark.parametrize("turned", [False, True])

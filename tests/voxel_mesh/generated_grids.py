@@ -54,6 +54,22 @@ def rounded_pocket(n: int, turn: np.ndarray) -> VoxelGrid:
     return VoxelGrid(solid=block & ~(rounded(0.28 * n, 0.18 * n) & (z > 0.0)), name="pocket")
 
 
+def rounded_block(n: int, turn: np.ndarray) -> VoxelGrid:
+    """A block of 0.8 x 0.6 x 0.5 n with all edges rounded by 0.1 n, a stub of radius 0.12 n on its top."""
+    p = centres(n) @ turn
+    over = np.maximum(np.abs(p) - np.array([0.3, 0.2, 0.15]) * n, 0.0)
+    stub = (np.hypot(p[..., 0], p[..., 1]) < 0.12 * n) & (p[..., 2] > 0.0) & (p[..., 2] < 0.35 * n)
+    return VoxelGrid(solid=((over**2).sum(axis=-1) < (0.1 * n) ** 2) | stub, name="rounded block")
+
+
+def rounded_disk(n: int, turn: np.ndarray) -> VoxelGrid:
+    """A disk of radius 0.4 n and height 0.3 n with both rims rounded by 0.1 n, a square hole of 0.3 n through it."""
+    x, y, z = np.moveaxis(centres(n) @ turn, -1, 0)
+    out, up = np.maximum(np.hypot(x, y) - 0.3 * n, 0.0), np.maximum(np.abs(z) - 0.05 * n, 0.0)
+    disk = np.hypot(out, up) < 0.1 * n
+    return VoxelGrid(solid=disk & ~((np.abs(x) < 0.15 * n) & (np.abs(y) < 0.15 * n)), name="rounded disk")
+
+
 def rotation(axis, degrees: float) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 

@@ -2,7 +2,17 @@
 
 import numpy as np
 import pytest
-from generated_grids import ball, block_with_hole, centres, flange, random_grid, rotation, rounded_pocket
+from generated_grids import (
+    ball,
+    block_with_hole,
+    centres,
+    flange,
+    random_grid,
+    rotation,
+    rounded_block,
+    rounded_disk,
+    rounded_pocket,
+)
 
 from recon.errors import NoSolid
 from recon.geometry.analytic import Cone, Cylinder, Plane, Sphere
@@ -139,3 +149,48 @@ def test_the_ends_of_a_thin_tube_are_planes(turn):
     )
     assert len(ends) == len(part.surfaces) - 2 == 2
     assert all(abs(s.normal_vector @ turn[:, 2]) == pytest.approx(1.0, abs=1e-4) for s in ends)
+
+
+TURNED = rotation([2, 1, 5], 38.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turn", [np.eye(3), TURNED], ids=["along the grid", "turned"])
+def test_the_edges_of_a_rounded_block_are_twelve_blends_of_one_radius(turn):
+    n = 100
+    part = analytic_part(rounded_block(n, turn))
+    assert sorted(type(s).__name__ for s in part.surfaces) == ["Cylinder"] + ["Plane"] * 7
+    assert len({frozenset((b.first, b.second)) for b in part.blends}) == len(part.blends) == 12
+    assert [b.radius / n for b in part.blends] == pytest.approx([0.1] * 12, abs=2e-3)
+    middle = 0.5 * n - np.array([0.137, 0.241, 0.359])
+    sizes = sorted(abs(s.distance(middle[None])[0]) / n for s in part.surfaces if isinstance(s, Plane))
+    walls = [*sizes[:4], *sizes[5:]]  # told by the roundings along the grid; the top of the stub is not
+    assert walls == pytest.approx([0.25, 0.25, 0.3, 0.3, 0.4, 0.4], abs=2e-3)
+
+
+def test_the_rims_of_a_rounded_disk_are_blends_of_a_plane_and_a_cylinder():
+    n = 90
+    part = analytic_part(rounded_disk(n, TURNED))
+    assert sorted(type(s).__name__ for s in part.surfaces) == ["Cylinder"] + ["Plane"] * 6
+    assert {type(part.surfaces[k]) for b in part.blends for k in (b.first, b.second)} == {Plane, Cylinder}
+    assert [b.radius / n for b in part.blends] == pytest.approx([0.1, 0.1], abs=2e-3)
+
+
+def test_a_chamfer_is_no_rounding():
+    n = 90
+    p = np.abs(centres(n) @ rotation([1, 3, 2], 20.0))
+    block = (p < np.array([0.35, 0.3, 0.25]) * n).all(axis=-1)
+    part = analytic_part(VoxelGrid(solid=block & (p[..., 0] + p[..., 1] < 0.53 * n), name="chamfers"))
+    assert [type(s) for s in part.surfaces] == [Plane] * 10
+    assert not part.blends
+
+
+def test_next_to_no_centre_lies_on_the_wrong_side_of_a_turned_block():
+    grid = block_with_hole(80, rotation([1, 2, 3], 25.0))
+    part = analytic_part(grid)
+    places = grid.place(np.argwhere(np.ones(grid.solid.shape)) * grid.proportions)
+    inside = np.ones(len(places), dtype=bool)
+    for surface in part.surfaces:
+        d = surface.distance(places)
+        inside &= d > 0.0 if isinstance(surface, Cylinder) else d < 0.0
+    assert (inside != grid.solid.ravel()).sum() < 20
