@@ -52,7 +52,8 @@ bench: $(READY)
 	$(BIN)/python benchmarks
 
 robustness: $(READY)
-	@for table in benchmarks/*robustness*.py benchmarks/damaged_inputs.py; do $(BIN)/python $$table || exit 1; echo; done
+	$(BIN)/python benchmarks robustness
+	@for table in benchmarks/*_robustness.py benchmarks/damaged_inputs.py; do $(BIN)/python $$table || exit 1; echo; done
 
 pictures: $(READY)
 	$(BIN)/python docs/make_pictures.py

@@ -15,7 +15,7 @@ every surface. Seconds are processor time.
 
 import argparse
 import json
-import platform
+import sys
 import time
 from pathlib import Path
 
@@ -33,13 +33,25 @@ from recon.geometry.mesh import TriangleMesh
 from recon.numerics.bspline_basis import clamped_knots
 from recon.numerics.halfedges import connected_components
 from recon.readers.meshes import read_mesh
+from tables import Table, machine
 
+COLUMNS = {
+    "scan": "24",
+    "method": "32",
+    "control": "8,d",
+    "E_mean": "9.4f",
+    "E_rms": "9.4f",
+    "E_max": "8.3f",
+    "folds": "5,d",
+    "seconds": "8.2f",
+    "unrolling": "9.2f",
+}
 ROUNDS = 6
 SMOOTHING = 1e-9
 
 
-def made(kind, n):
-    """A wavy sheet, a bent tube or a wavy torus of about n points."""
+def made(kind, n, noise=1e-3 / 3.0):
+    """A wavy sheet, a bent tube or a wavy torus of about n points; noise is a share of its size."""
     rows = round(np.sqrt(n / 2.0))
     around = {"wavy": (False, False), "tube": (True, False), "torus": (True, True)}[kind]
     i, j = np.indices((2 * rows, rows))
@@ -59,8 +71,8 @@ def made(kind, n):
     p, q, r, s = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     faces = np.concatenate([np.stack([p, q, r], axis=-1).reshape(-1, 3), np.stack([p, r, s], axis=-1).reshape(-1, 3)])
     vertices = np.stack(points, axis=-1).reshape(-1, 3)
-    noise = 1e-3 * np.ptp(vertices) * np.random.default_rng(1).normal(size=vertices.shape)
-    return TriangleMesh(vertices + noise / 3.0, faces, f"{kind} of {len(vertices)}")
+    off = noise * np.ptp(vertices) * np.random.default_rng(1).normal(size=vertices.shape)
+    return TriangleMesh(vertices + off, faces, f"{kind} of {len(vertices)}")
 
 
 def range_view(mesh, n):
@@ -167,7 +179,7 @@ def rows(name, scan, n_control, updates):
         try:
             yield from ({"scan": name} | line for line in pygismo_rows(scan, n_control))
         except ImportError:
-            print("pygismo is not installed; pip install pygismo to see it beside us")
+            print("pygismo is not installed; pip install pygismo to see it beside us", file=sys.stderr)
     for method, options in methods.items():
         yield {"scan": name} | our_row(scan, method, options)
 
@@ -179,10 +191,8 @@ def main():
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     lines = []
-    print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, one thread")
-    print(
-        f"{'scan':20}{'method':32}{'control':>8}{'E_mean':>9}{'E_rms':>9}{'E_max':>8}{'folds':>6}{'s':>8}{'unroll':>8}"
-    )
+    print(f"{machine()}, one thread; deviations in per cent of the diagonal\n")
+    table = Table(COLUMNS)
     with threadpool_limits(limits=1):
         # compiled code is read from its cache once, outside the clock
         fit_sheet(made("torus", 1000), SplineOptions(control_points=100, kind=SplineKind.NURBS))
@@ -190,18 +200,15 @@ def main():
             word, count = word.rsplit(":", 1)
             for line in rows(Path(word).name, scan_of(word), int(count), options.updates):
                 lines.append(line)
-                print(as_text(line), flush=True)
+                table.row(*cells(line))
     if options.json is not None:
         options.json.write_text(json.dumps(lines, indent=1, default=float))
 
 
-def as_text(line):
-    unrolling, folds = line.get("unrolling"), line.get("folds")
-    return (
-        f"{line['scan'][:19]:20}{line['method']:32}{line['control']:8}{line['e_mean']:9.4f}{line['e_rms']:9.4f}"
-        f"{line['e_max']:8.3f}{'' if folds is None else folds:>6}{line['seconds']:8.2f}"
-        f"{'' if unrolling is None else format(unrolling, '8.2f'):>8}"
-    )
+def cells(line):
+    """A line in the order of COLUMNS."""
+    keys = ("scan", "method", "control", "e_mean", "e_rms", "e_max", "folds", "seconds", "unrolling")
+    return [line.get(key) for key in keys]
 
 
 if __name__ == "__main__":

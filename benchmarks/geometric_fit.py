@@ -23,7 +23,6 @@ Deviations are in per cent of the diagonal of the scan's box.
 import argparse
 import json
 import multiprocessing
-import platform
 import time
 from pathlib import Path
 
@@ -48,8 +47,22 @@ from recon.numerics.halfedges import vertex_normals
 from recon.readers.meshes import read_mesh
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate, tessellation_places
+from tables import Table, machine
 
 ROUNDS = 6
+COLUMNS = {
+    "scan": "24",
+    "method": "16",
+    "control": "8,d",
+    "E_max": "8.3f",
+    "E_rms": "8.4f",
+    "stray max": "9.3f",
+    "stray rms": "9.4f",
+    "folds": "5,d",
+    "seconds": "8.2f",
+    "rounds": "8.2f",
+    "memory": "6.1f",
+}
 SIZES, SHARE = (20_000, 50_000, 134_345, 400_000, 1_000_000), 85  # bumpy balls, and their points a control point
 
 
@@ -216,8 +229,10 @@ def draw_updates(path, scan, n_control, n_rounds=20):
     by_round.legend()
     figure.suptitle(f"{scan.n_vertices} points, {n_control} control points")
     figure.savefig(path, dpi=120)
+    told = (1, 2, 4, 6, 10, n_rounds)
+    table = Table({"update": "16"} | {f"round {i}": "9.4f" for i in told})
     for name, record in records.items():
-        print(f"{name:16}" + "".join(f"{record[i - 1][1]:9.4f}" for i in (1, 2, 4, 6, 10, n_rounds)))
+        table.row(name, *(record[i - 1][1] for i in told))
     return records
 
 
@@ -231,7 +246,7 @@ def main():
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     lines = []
-    print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, one thread")
+    print(f"{machine('scipy')}, one thread; deviations in per cent of the diagonal\n")
     with threadpool_limits(limits=1):
         # compiled code is read from its cache once, outside the clock
         for scheme in Scheme:
@@ -240,15 +255,12 @@ def main():
             word, count = options.scans[0].rsplit(":", 1)
             lines = draw_updates(options.updates, scan_of(word), int(count))
         else:
-            print(
-                f"{'scan':24}{'method':16}{'control':>8}{'E_max':>8}{'E_rms':>8}{'stray':>8}{'rms':>8}{'folds':>6}"
-                f"{'s':>8}{'rounds':>8}{'memory':>8}"
-            )
+            table = Table(COLUMNS)
             for word in options.scans:
                 word, count = word.rsplit(":", 1)
                 for line in row(Path(word).name, scan_of(word), int(count), options.schemes):
                     lines.append(line)
-                    print(as_text(line), flush=True)
+                    table.row(*cells(line))
             print_growth([line for line in lines if line["scan"].startswith("made^")])
     if options.json is not None:
         options.json.write_text(json.dumps(lines, indent=1, default=float))
@@ -259,16 +271,13 @@ def print_growth(lines):
     for method in ("least squares", "plain", "adaptive"):
         sizes = np.log([(x["points"], x["seconds"]) for x in lines if x["method"] == method])
         if len(sizes) > 1:
-            print(f"{method}: seconds grow with the points to the {np.polyfit(*sizes.T, 1)[0]:.2f}")
+            print(f"\n{method}: seconds grow with the points to the {np.polyfit(*sizes.T, 1)[0]:.2f}")
 
 
-def as_text(line):
-    rounds, memory = line.get("rounds_seconds"), line.get("memory")
-    return (
-        f"{line['scan']:24}{line['method']:16}{line['control']:8}{line['e_max']:8.3f}{line['e_rms']:8.4f}"
-        f"{line['stray_max']:8.3f}{line['stray_rms']:8.4f}{line['folds']:6}{line['seconds']:8.2f}"
-        f"{'' if rounds is None else format(rounds, '8.2f'):8}{'' if memory is None else format(memory, '8.1f')}"
-    )
+def cells(line):
+    """A line in the order of COLUMNS."""
+    errors = ("e_max", "e_rms", "stray_max", "stray_rms", "folds")
+    return [line.get(key) for key in ("scan", "method", "control", *errors, "seconds", "rounds_seconds", "memory")]
 
 
 if __name__ == "__main__":

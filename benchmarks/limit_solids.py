@@ -24,13 +24,28 @@ from recon.subdivision.limit_faces import limit_faces, mean_edge
 from recon.subdivision.limit_surface import Scheme
 from recon.subdivision.quad_faces import LimitFaces, catmull_clark_faces
 from recon.tolerance import Tolerance
+from tables import Table, machine
 
 SIZES = (400, 2500, 10000)
 SCAN_QUADS = (1600, 6300)
-HEADER = (
-    "mesh          scheme         control faces  irregular  faces  each   kB a face  angle deg  off/edge   "
-    "lay  build  gate  STEP  total s"
-)
+COLUMNS = {
+    "mesh": "12",
+    "scheme": "13",
+    "control faces": "13,d",
+    "irregular": "9.1%",
+    "faces": "6,d",
+    "each": "6.3f",
+    "kB a face": "9.1f",
+    "angle, °": "9.1e",
+    "off / edge": "10.1e",
+    "lay": "6.1f",
+    "build": "6.1f",
+    "gate": "6.1f",
+    "STEP": "6.1f",
+    "seconds": "7.1f",
+    "verdict": "6",
+    "read back": "9",
+}
 
 
 def torus(n_quads: int) -> ControlMesh:
@@ -59,15 +74,15 @@ def halved(mesh: ControlMesh) -> ControlMesh:
     return ControlMesh.from_faces(mesh.vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
 
 
-def solid_row(name: str, mesh: ControlMesh, scheme: Scheme) -> str:
-    """One line of the table."""
+def solid_row(name: str, mesh: ControlMesh, scheme: Scheme) -> list[object]:
+    """A row of the table."""
     start = time.process_time()
     faces = limit_faces(mesh, scheme)
     return row((name, scheme), mesh, faces, time.process_time() - start)
 
 
-def row(names: tuple[str, str], mesh: ControlMesh, faces: LimitFaces, seconds: float) -> str:
-    """One line, from faces laid in so many seconds."""
+def row(names: tuple[str, str], mesh: ControlMesh, faces: LimitFaces, seconds: float) -> list[object]:
+    """A row, from faces laid in so many seconds."""
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     tolerance = Tolerance(merge=1e-7 * size, fit=1e-5 * size)
     clock = [time.process_time()]
@@ -85,38 +100,37 @@ def row(names: tuple[str, str], mesh: ControlMesh, faces: LimitFaces, seconds: f
     irregular = (np.bincount(corners.ravel(), minlength=mesh.n_vertices) != wanted)[corners].any(axis=1).mean()
     n = len(faces.mosaic.patches)
     angle = np.degrees(report.max_smooth_edge_angle or 0.0)
-    spent = "  ".join(f"{s:4.1f}" for s in (seconds, *np.diff(clock)))
-    return (
-        f"{names[0]:13} {names[1]:14} {mesh.n_faces:13d} {irregular:10.1%} {n:6d} {n / mesh.n_faces:6.3f} "
-        f"{kilobytes / n:9.1f} {angle:10.1e} {faces.off / mean_edge(mesh):9.1e}  {spent}  "
-        f"{seconds + clock[-1] - clock[0]:6.1f}  {report.verdict}, {'same' if back.same else 'other'} read back"
-    )
+    sizes = mesh.n_faces, irregular, n, n / mesh.n_faces, kilobytes / n
+    spent = seconds, *np.diff(clock), seconds + clock[-1] - clock[0]
+    said = report.verdict, "same" if back.same else "other"
+    return [*names, *sizes, angle, faces.off / mean_edge(mesh), *spent, *said]
 
 
-def scan_rows(path: str) -> None:
+def scan_rows(path: str, table: Table) -> None:
     """Print what remeshes of a scan become, and the first of them without grouping."""
     scan = read_mesh(path).mesh
     for count in SCAN_QUADS:
         mesh = remeshed_quads(scan, count)
-        print(solid_row(Path(path).stem, mesh, Scheme.CATMULL_CLARK), flush=True)
+        table.row(*solid_row(Path(path).stem, mesh, Scheme.CATMULL_CLARK))
         if count == SCAN_QUADS[0]:
             start = time.process_time()
             single = catmull_clark_faces(mesh, grouped=False)
-            names = "  ungrouped", Scheme.CATMULL_CLARK
-            print(row(names, mesh, single, time.process_time() - start), flush=True)
+            names = "ungrouped", Scheme.CATMULL_CLARK
+            table.row(*row(names, mesh, single, time.process_time() - start))
 
 
 def main() -> None:
     """Print the table."""
-    print(HEADER)
+    print(f"{machine('cadquery-ocp')}; processor time\n")
+    table = Table(COLUMNS)
     catmull_clark_faces(torus(100))  # compile
     if len(sys.argv) == 1:
         for size in SIZES:
-            print(solid_row("torus", torus(size), Scheme.CATMULL_CLARK), flush=True)
-        print(solid_row("torus", torus(SIZES[-1]), Scheme.DOO_SABIN), flush=True)
-        print(solid_row("torus halved", halved(torus(SIZES[-1] // 2)), Scheme.LOOP), flush=True)
+            table.row(*solid_row("torus", torus(size), Scheme.CATMULL_CLARK))
+        table.row(*solid_row("torus", torus(SIZES[-1]), Scheme.DOO_SABIN))
+        table.row(*solid_row("torus halved", halved(torus(SIZES[-1] // 2)), Scheme.LOOP))
     for path in sys.argv[1:]:
-        scan_rows(path)
+        scan_rows(path, table)
 
 
 if __name__ == "__main__":

@@ -17,12 +17,26 @@ from recon.geometry.views import ThreeViews
 from recon.readers.views import read_views
 from recon.three_view.hidden_lines import draw
 from recon.three_view.pipeline import ViewsOptions, interpret
+from tables import Table, machine
 
 DRAWINGS = Path(__file__).parents[2] / "shared" / "data" / "views" / "drawings"
 
 
+COLUMNS = {
+    "drawing": "24",
+    "lines": "6,d",
+    "fragments": "9,d",
+    "cells": "5,d",
+    "solids": "14",
+    "faces": "6,d",
+    "bodies": "6",
+    "first, s": "8.2f",
+    "all, s": "8.2f",
+}
+
+
 def cases() -> Iterator[tuple[str, ThreeViews]]:
-    for n in (2, 4, 9, 14, 25):
+    for n in (2, 4, 5, 9, 14, 25):
         solid = plate(n, n)
         yield f"plate of {len(solid.faces)} faces", draw(solid)
     for path in sorted(DRAWINGS.glob("*.dxf")):
@@ -36,7 +50,8 @@ def seconds() -> float:
 
 def main() -> None:
     interpret(draw(plate(1, 1)))
-    print(f"{'drawing':24}{'lines':>7}{'fragments':>11}{'cells':>7}{'solids':>9}{'faces':>7}{'first':>8}{'all':>8}")
+    print(f"{machine('python-sat', 'pyganak')}; processor time\n")
+    table = Table(COLUMNS)
     for name, drawing in cases():
         start = seconds()
         try:
@@ -44,14 +59,14 @@ def main() -> None:
             first = seconds()
             found = interpret(drawing)
         except ReconError as refusal:
-            print(f"{name:24} refused: {refusal}")
+            table.row(name, None, None, None, f"refused: {refusal}")
             continue
         solid = found.polyhedron(0)
         made = found.arrangement
         lines = sum(view.n_segments for _, view in drawing)
-        count = f"{found.count}{'' if found.exact else '+'}"
-        sizes = f"{lines:7}{len(made.fragments.plane):11}{made.cells.n_cells:7}{count:>9}{len(solid.faces):7}"
-        print(f"{name:24}{sizes}{first - start:8.2f}{seconds() - first:8.2f}", flush=True)
+        count = f"{found.count:,}" if found.exact else f"over {found.count:,}"
+        sizes = lines, len(made.fragments.plane), made.cells.n_cells, count, len(solid.faces), len(solid.bodies)
+        table.row(name, *sizes, first - start, seconds() - first)
 
 
 if __name__ == "__main__":

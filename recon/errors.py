@@ -6,7 +6,7 @@ Two families decide what a caller does next, and which exit status the command l
     Refusal      it was understood, but no sound result follows from it (exit status 1)
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 __all__ = [
     "ReconError",
@@ -28,7 +28,11 @@ __all__ = [
 
 
 class ReconError(Exception):
-    """Anything that the project itself has to say about a failure; the message is one sentence for a person."""
+    """Anything that the project itself has to say about a failure; the message is one sentence for a person, and
+    `figures`, where there are any, say the same to a program.
+    """
+
+    figures: Mapping[str, object] = {}
 
 
 class InputError(ReconError):
@@ -94,11 +98,14 @@ class NoWall(Refusal):
 
 
 class NoSolid(Refusal):
-    """No solid is drawn as the drawing shows; `conflicts` are the lines that contradict each other, where known."""
+    """No solid is drawn as the drawing shows; `conflicts` are the lines that contradict each other, where known, and
+    `repairs` the changes that would mend them.
+    """
 
-    def __init__(self, problem: str, conflicts: Sequence[object] = ()) -> None:
+    def __init__(self, problem: str, conflicts: Sequence[object] = (), repairs: Sequence[object] = ()) -> None:
         super().__init__(problem[0].upper() + problem[1:] + ("" if problem.endswith(".") else "."))
-        self.conflicts = tuple(conflicts)
+        self.conflicts, self.repairs = tuple(conflicts), tuple(repairs)
+        self.figures = {"conflicts": list(map(str, conflicts)), "repairs": list(map(str, repairs))}
 
 
 class CurvedDrawing(Refusal):
@@ -109,6 +116,7 @@ class CurvedDrawing(Refusal):
         count = f"{len(curves)} curves" if len(curves) > 1 else "a curve"
         super().__init__(f"{path}: holds {count}, and only straight edges can be read: {shown}.")
         self.path, self.curves = path, tuple(curves)
+        self.figures = {"curves": list(curves)}
 
 
 class GateFailed(Refusal):

@@ -64,6 +64,7 @@ def answer(
         outcome = Outcome(Exit.INTERRUPTED, reasons=("interrupted; nothing was written.",))
     result = outcome.result or refusal(command, request["inputs"], outcome.reasons, cause=outcome.cause)
     if outcome.result is None:
+        result["room"] = dict(outcome.figures)
         _complain(command, outcome, request["debug"])
     if as_json:
         typer.echo(json.dumps(result))

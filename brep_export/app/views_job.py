@@ -13,7 +13,7 @@ from brep_export.app.exhibits import GALLERY
 from brep_export.app.polyhedron_files import POLYHEDRON_ENDINGS, polyhedron_writer
 from brep_export.app.result import result
 from brep_export.app.views_picture import draw_solids
-from brep_export.app.views_report import SHOWN, gallery, scene_parts
+from brep_export.app.views_report import gallery, n_shown, scene_parts
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.solids import polyhedron_solid
@@ -53,7 +53,7 @@ def views(request: Mapping[str, Any], bench: Bench) -> Answer:
     for note in sheet.notes:
         bench.note(note, name="reading")
     with bench.phase("reconstruct", "finding the solids"):
-        sheet, found = _interpreted(sheet, options, request, bench)
+        sheet, found, mended = _interpreted(sheet, options, request, bench)
     _tell_count(found, request, bench)
     wanted = list(_wanted(request, found))
     proved = [_proved(sheet, found, k, wanted, bench) for k in range(len(wanted))]
@@ -68,7 +68,7 @@ def views(request: Mapping[str, Any], bench: Bench) -> Answer:
         reasons=list(reasons),
         kernel=proved[0].report.as_json(),
         seconds=bench.seconds | {"total": bench.elapsed()},
-        room=_figures(found, request),
+        room=_figures(found, request) | mended,
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
@@ -86,13 +86,14 @@ def _tell_count(found: Interpretation, request: Mapping[str, Any], bench: Bench)
 
 def _interpreted(
     sheet: ViewSheet, options: ViewsOptions, request: Mapping[str, Any], bench: Bench
-) -> tuple[ViewSheet, Interpretation]:
-    """The solids of the drawing, or of the drawing with its most likely error mended, where that is asked for.
+) -> tuple[ViewSheet, Interpretation, dict[str, Any]]:
+    """The solids of the drawing, or of the drawing with its most likely error mended, where that is asked for; and what
+    contradicted each other in it, and was mended.
 
     Raises  NoSolid with the lines that contradict each other and the changes that would mend them.
     """
     try:
-        return sheet, interpret(sheet.drawing, options, doing=bench.doing)
+        return sheet, interpret(sheet.drawing, options, doing=bench.doing), {"conflicts": []}
     except NoSolid as refusal:
         bench.doing("looking for the contradiction")
         diagnosis = diagnose(sheet.drawing, options)
@@ -102,10 +103,11 @@ def _interpreted(
             spans = "".join(f"; {span}" for span in diagnosis.spans)
             conflict = "; these contradict each other: " + "; ".join(lines) if lines else ""
             advice = "; it would have a solid if " + "; or if ".join(mends) if mends else ""
-            raise NoSolid(f"no solid is drawn like this{spans}{conflict}{advice}", lines) from refusal
+            raise NoSolid(f"no solid is drawn like this{spans}{conflict}{advice}", lines, mends) from refusal
         bench.note(f"repaired: {mends[0]}", name="repaired")
         mended = replace(sheet, drawing=repaired(sheet.drawing, diagnosis.repairs[0]))
-        return mended, interpret(mended.drawing, options, doing=bench.doing)
+        said = {"conflicts": lines, "repaired": mends[0]}
+        return mended, interpret(mended.drawing, options, doing=bench.doing), said
 
 
 def _wanted(request: Mapping[str, Any], found: Interpretation) -> Iterator[tuple[int, list[str]]]:
@@ -165,7 +167,7 @@ def _exhibit(
     """The gallery of the page, and the solids in its view, of which the chosen one is seen first."""
     sheet, found = read
     chosen = request["solution"] - 1
-    numbers = sorted({*range(min(SHOWN, found.labelings.listed)), chosen})
+    numbers = sorted({*range(n_shown(found)), chosen})
     solids = {number: as_meant(sheet, found.polyhedron(number)) for number in numbers}
     (Path(request["page"]) / GALLERY).write_text(gallery(found, solids), encoding="utf-8")
     parts = partial(scene_parts, found.drawing, solids, chosen, mirrored=sheet.mirrored)
@@ -205,7 +207,6 @@ def _figures(found: Interpretation, request: Mapping[str, Any]) -> dict[str, Any
         "fragments": len(arranged.fragments.plane),
         "cells": arranged.cells.n_cells,
         "snap": found.snap,
-        "conflicts": [],
     }
 
 

@@ -4,7 +4,7 @@ Solids are line drawings, hidden lines thin, made by the same hidden line remova
 it in the page's view.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 
@@ -15,14 +15,16 @@ from brep_export.app.scene import ScenePart, kernel_parts, line_part
 from brep_export.solids import polyhedron_solid
 from recon.geometry.polyhedron import Polyhedron
 from recon.geometry.views import DrawnView, ThreeViews
-from recon.three_view.hidden_lines import draw
+from recon.three_view.hidden_lines import draw_front
 from recon.three_view.pipeline import Interpretation
 
-__all__ = ["SHOWN", "gallery", "scene_parts", "solid_name"]
+__all__ = ["gallery", "n_shown", "scene_parts", "solid_name"]
 
 Floats = NDArray[np.float64]
 
-SHOWN = 60  # solids on a page
+SHOWN = 60  # solids on a page, fewer
+MOST_FACES = 4000  # where they have many faces, but
+LEAST_SHOWN = 4
 AROUND, OVER = np.radians(-35.0), np.radians(25.0)  # the corner from which solids are seen
 SECTION = """<section class="gallery"><h2>What the drawing can mean</h2><p>{count}</p><div>{views}</div>{choices}
 <div id="solids">{solids}</div></section>
@@ -32,6 +34,12 @@ boxes.forEach(b=>b.onchange=()=>document.querySelectorAll("#solids figure").forE
  const p=f.dataset.picks.split(" ");f.hidden=boxes.some((b,k)=>b.value!=="any"&&b.value!==p[k])}}));
 </script>
 """
+
+
+def n_shown(found: Interpretation) -> int:
+    """How many solids a page shows."""
+    fit = MOST_FACES // len(found.polyhedron(0).faces)
+    return min(max(LEAST_SHOWN, min(SHOWN, fit)), found.labelings.listed)
 
 
 def gallery(found: Interpretation, solids: Mapping[int, Polyhedron]) -> str:
@@ -50,7 +58,7 @@ def gallery(found: Interpretation, solids: Mapping[int, Polyhedron]) -> str:
     count = f"The drawing can mean {more}{found.count} solids; {len(figures)} are shown. A click shows one above."
     if found.count == 1 and found.exact:
         count = "The drawing can mean one solid alone."
-    return SECTION.format(count=count, views=views, choices=_choices(found), solids="".join(figures))
+    return SECTION.format(count=count, views=views, choices=_choices(found, solids), solids="".join(figures))
 
 
 def solid_name(number: int) -> str:
@@ -98,12 +106,15 @@ def _corners(view: DrawnView) -> tuple[Floats, Floats]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _choices(found: Interpretation) -> str:
+def _choices(found: Interpretation, shown: Iterable[int]) -> str:
     """One box a free choice, to show only the solids of one of its options."""
     boxes = []
-    for number, choice in enumerate(found.labelings.choices, start=1):
-        options = "".join(f"<option>{k + 1}</option>" for k in range(min(len(choice.options), SHOWN)))
-        boxes.append(f"choice {number} of {choice.count}: <select><option>any</option>{options}</select> ")
+    picks = zip(*(found.labelings.picks(number) for number in shown))
+    for number, (choice, picked) in enumerate(zip(found.labelings.choices, picks), start=1):
+        options = "".join(f"<option>{pick + 1}</option>" for pick in sorted(set(picked)))
+        more = "" if choice.exact else "at least "
+        select = f"<select><option>any</option>{options}</select>"
+        boxes.append(f"choice {number}, of {more}{choice.count} options: {select} ")
     return f"<p>{''.join(boxes)}</p>" if boxes else ""
 
 
@@ -117,7 +128,7 @@ def _from_corner(solid: Polyhedron) -> DrawnView:
     turn, tilt = np.eye(3), np.eye(3)
     turn[:2, :2], tilt[1:, 1:] = a, b
     turned = solid.vertices @ turn.T @ tilt.T
-    return draw(Polyhedron(turned, solid.faces, solid.bodies)).front
+    return draw_front(Polyhedron(turned, solid.faces, solid.bodies))
 
 
 def _svg(view: DrawnView) -> str:

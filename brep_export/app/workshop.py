@@ -18,7 +18,7 @@ import os
 import signal
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -50,6 +50,7 @@ class Outcome:
     reasons  why it was refused, one sentence each
     trace    where a fault of our own was raised, for a report to the authors
     cause    `timeout`, `crash`, `memory` or `fault` where the work broke off, and might do better at another time
+    figures  what the reasons say, for a program, where there is no result
     """
 
     status: Exit
@@ -57,6 +58,7 @@ class Outcome:
     reasons: tuple[str, ...] = ()
     trace: str = ""
     cause: str = ""
+    figures: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass
@@ -189,7 +191,7 @@ def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
         outcome = Outcome(*getattr(importlib.import_module(module), function)(request, bench))
     except ReconError as problem:
         status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
-        outcome = Outcome(status, reasons=(str(problem),))
+        outcome = Outcome(status, reasons=(str(problem),), figures=dict(problem.figures))
     except MemoryError:
         reason = "not enough memory for this input; nothing was written."
         outcome = Outcome(Exit.REFUSED, reasons=(reason,), cause="memory")

@@ -4,6 +4,7 @@ entity                                            what becomes of it
 LINE, LWPOLYLINE, POLYLINE, blocks of them        an edge, drawn through or dashed
 dash-dot lines, or layers of centre lines         set aside, and counted
 dimensions, leaders, text, hatches, points        set aside, and counted
+whatever is invisible, its layer off or frozen    set aside, and counted
 ARC, CIRCLE, ELLIPSE, SPLINE, bulges              refused, with their places
 """
 
@@ -25,8 +26,10 @@ __all__ = ["read_dxf_views"]
 MILLIMETRES = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 0.0254, 10: 914.4, 13: 1e-3, 14: 100.0}
 CURVES = {"ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX"}
 NOTES = re.compile(r"DIM|BEMASS|TEXT|NOTE|ANNO|HATCH|SCHRAFF|DEFPOINTS|TITLE|SCHRIFT|FRAME|BORDER|RAHMEN|VIEWPORT")
-CENTRES = re.compile(r"CENT[ER]{2}|CHAIN|DASHDOT|DASHDDOT|DIVIDE|PHANTOM|BORDER|AXIS|AXES|MITTEL|ISO(0[4-9]|1\d)")
-DASHES = re.compile(r"HIDDEN|DASH|VERDECKT|INVISIBLE|DOT|ISO0[237]")
+CENTRES = re.compile(
+    r"CENT[ER]{2}|CHAIN|DASHDOT|DASHDDOT|DIVIDE|PHANTOM|BORDER|AXIS|AXES|MITTEL|STRICHPUNKT|ISO(0[45689]|1\d)"
+)
+DASHES = re.compile(r"HIDDEN|DASH|VERDECKT|GESTRICHELT|UNSICHTBAR|INVISIBLE|DOT|ISO0[237]")
 DRAWN_THROUGH = re.compile(r"CONTINUOUS|SOLID|ISO01")
 
 
@@ -42,7 +45,7 @@ def read_dxf_views(path: str | Path) -> ViewSheet:
 
 def _sheet(document: Any, name: str) -> ViewSheet:
     segments, hidden, aside, curves = [], [], Counter[str](), []
-    for number, entity in enumerate(_entities(document.modelspace())):
+    for number, entity in enumerate(_entities(_drawn_space(document), document)):
         if number > MOST_ENTITIES:
             raise UnreadableFile(name, f"its blocks unfold to more than {MOST_ENTITIES} entities")
         kind = _kind(entity, document)
@@ -65,26 +68,44 @@ def _sheet(document: Any, name: str) -> ViewSheet:
     return sheet.with_notes(aside)
 
 
-def _entities(space: Any) -> Iterator[Any]:
+def _drawn_space(document: Any) -> Any:
+    """The model space, or the first sheet with lines where that is empty."""
+    model = document.modelspace()
+    sheets = [document.layouts.get(name) for name in document.layouts.names_in_taborder()]
+    return next((space for space in (model, *sheets) if len(space.query("LINE LWPOLYLINE POLYLINE INSERT"))), model)
+
+
+def _entities(space: Any, document: Any) -> Iterator[Any]:
     """Entities of a layout, blocks resolved but for the drawing of dimensions."""
     for entity in space:
-        yield from _resolved(entity, depth=0)
+        yield from _resolved(entity, document, depth=0)
 
 
-def _resolved(entity: Any, depth: int) -> Iterator[Any]:
-    if entity.dxftype() != "INSERT" or depth > 16:
+def _resolved(entity: Any, document: Any, depth: int) -> Iterator[Any]:
+    if entity.dxftype() != "INSERT" or depth > 16 or _unseen(entity, document):
         yield entity
         return
-    for part in entity.virtual_entities():
-        if part.dxf.layer == "0":
-            part.dxf.layer = entity.dxf.layer
-        if part.dxf.linetype.upper() == "BYBLOCK":
-            part.dxf.linetype = entity.dxf.linetype
-        yield from _resolved(part, depth + 1)
+    for insert in entity.multi_insert() if entity.mcount > 1 else [entity]:
+        for part in insert.virtual_entities():
+            if part.dxf.layer == "0":
+                part.dxf.layer = entity.dxf.layer
+            if part.dxf.linetype.upper() == "BYBLOCK":
+                part.dxf.linetype = entity.dxf.linetype
+            yield from _resolved(part, document, depth + 1)
+
+
+def _unseen(entity: Any, document: Any) -> bool:
+    """Whether an entity is not shown; of a block whose layer is merely off the parts on other layers are."""
+    name = entity.dxf.layer
+    layer = document.layers.get(name) if name in document.layers else None
+    off = layer is not None and (layer.is_frozen() or (layer.is_off() and entity.dxftype() != "INSERT"))
+    return bool(off or entity.dxf.get("invisible", 0))
 
 
 def _kind(entity: Any, document: Any) -> str:
     """visible, hidden, or what else an entity is, in the plural."""
+    if _unseen(entity, document):
+        return "entities that are not shown"
     form = entity.dxftype()
     if form not in CURVES | {"LINE", "LWPOLYLINE", "POLYLINE"}:
         return {"DIMENSION": "dimensions", "HATCH": "hatches", "TEXT": "texts", "MTEXT": "texts"}.get(

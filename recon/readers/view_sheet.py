@@ -16,6 +16,7 @@ as that of the part's mirror image, whose side view looks from the right.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,9 @@ Ints = NDArray[np.int64]
 TOUCH = 1e-4  # of the sheet's size: strokes that come so near belong to one figure
 SLIT = 1e-3  # of the sheet's size: views stand further apart
 NEAR = 1e-3  # of a view's size: what is nearer in another view is the same, once both stand at the lowest place
+STANDARD = 1  # oddity of scales that draughtsmen use, whose ratios are
+RATIOS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 10.0, 20.0, 25.0, 50.0, 100.0)
+MOST_VIEWS = 6  # figures among which the three views are sought: there may be pictorial ones, details, tables
 MISFIT = 0.02  # of the drawing's size: widths and heights that two views share may differ by this, once scaled
 
 
@@ -97,21 +101,21 @@ def separate_views(strokes: Strokes, name: str) -> ViewSheet:
     if not len(strokes.segments):
         raise UnreadableFile(name, "holds no lines of a drawing", "Three views in straight lines are needed")
     strokes, notes = _without_frame(strokes)
-    fits = _all_fits(strokes)
-    if not fits or min(fits, key=_merit)[0] > MISFIT:
+    best = min(_all_fits(strokes), key=_merit, default=None)
+    if best is None or _oddity(best) > STANDARD:
         for rest in _without_margin(strokes):
-            better = [fit for fit in _all_fits(rest) if fit[0] <= MISFIT]
-            if better:
-                notes.append(f"set aside {len(strokes.segments) - len(rest.segments)} lines beside the views")
-                fits = better
-                break
-    if not fits:
+            fit = min(_all_fits(rest), key=_merit, default=None)
+            if fit is not None and (best is None or _oddity(fit) < _oddity(best)):
+                best = fit
+        if best is not None and (left := len(strokes.segments) - sum(len(view.segments) for view in best[2])):
+            notes.append(f"set aside {left} lines beside the views")
+    if best is None:
         raise UnreadableFile(
             name,
             "its lines do not fall into front, top and side views",
             "The top view stands above or below the front view, the side view beside it, with gaps between them",
         )
-    misfit, layout, views, scales = min(fits, key=_merit)
+    misfit, layout, views, scales = best
     if misfit > MISFIT:
         raise UnreadableFile(
             name,
@@ -181,10 +185,20 @@ def _gaps(low: Floats, high: Floats) -> list[float]:
 Fit = tuple[float, Layout, tuple[Strokes, Strokes, Strokes], tuple[float, float]]
 
 
-def _merit(fit: Fit) -> tuple[bool, float]:
+def _merit(fit: Fit) -> tuple[int, float]:
     """Less is better: views at one scale before views at several, which would fit many a wrong cut of the sheet."""
+    return _oddity(fit), fit[0]
+
+
+def _oddity(fit: Fit) -> int:
+    """0 for views at one scale, STANDARD for scales that draughtsmen use, 2 for others, 3 where they do not fit."""
     misfit, _, _, scales = fit
-    return scales != (1.0, 1.0), misfit
+    if misfit > MISFIT:
+        return 3
+    if scales == (1.0, 1.0):
+        return 0
+    ratios = np.maximum(scales, 1 / np.array(scales))
+    return STANDARD if all(np.abs(ratio / np.array(RATIOS) - 1).min() < 0.005 for ratio in ratios) else 2
 
 
 def _all_fits(strokes: Strokes) -> list[Fit]:
@@ -192,15 +206,23 @@ def _all_fits(strokes: Strokes) -> list[Fit]:
 
 
 def _without_margin(strokes: Strokes) -> Iterator[Strokes]:
-    """The strokes without one figure, or without all on one side of a gap: there a title block or a table may stand."""
+    """The strokes without one figure, or without all on one side of a gap: there a title block or a table may stand; or
+    three of the largest figures with all that lies within them. Those that set aside little come first.
+    """
     box = _boxes(strokes.segments)
     figure = _figures(strokes.segments)
     margins = [figure == k for k in range(int(figure.max()) + 1)]
     for axis in (0, 1):
         for gap in _gaps(box[:, axis], box[:, axis + 2]):
             margins += [box[:, axis] > gap, box[:, axis] < gap]
+    margins = [margin for margin in margins if margin.sum() < len(box) / 2]
+    outlines = np.array([_box(strokes.segments[figure == k]) for k in range(int(figure.max()) + 1)])
+    largest = outlines[np.argsort(-(outlines[:, 2:] - outlines[:, :2]).prod(axis=1))[:MOST_VIEWS]]
+    reach = np.concatenate([box[:, None, :2] - largest[:, :2], largest[:, 2:] - box[:, None, 2:]], axis=2)
+    inside: Flags = np.min(reach, axis=2) >= 0
+    margins += [~inside[:, list(three)].any(axis=1) for three in combinations(range(len(largest)), 3)]
     for margin in sorted(margins, key=lambda rows: int(rows.sum())):
-        if 0 < margin.sum() < len(box) / 2:
+        if margin.any():
             yield strokes.chosen(~margin)
 
 

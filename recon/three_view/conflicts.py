@@ -15,7 +15,7 @@ from pysat.solvers import Solver
 
 from recon.geometry.views import PROJECTIONS, ThreeViews
 from recon.three_view.conditions import Clause, Conditions
-from recon.three_view.labeling import SOLVER
+from recon.three_view.simplest import SOLVER
 from recon.three_view.view_graph import ViewGraph
 
 __all__ = ["DrawnLine", "State", "SwitchedLines", "minimal_conflict"]

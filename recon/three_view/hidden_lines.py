@@ -19,7 +19,7 @@ from recon.numerics.planar_regions import point_in_loops
 from recon.three_view.tables import linked
 from recon.three_view.view_graph import ViewGraph, view_graphs
 
-__all__ = ["LooseFaces", "draw", "hidden_pieces", "projected"]
+__all__ = ["LooseFaces", "draw", "draw_front", "hidden_pieces", "projected"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -75,6 +75,15 @@ def draw(solid: Polyhedron) -> ThreeViews:
     """
     faces, graphs = projected(solid)
     return ThreeViews(*(_with_line_types(faces, graph) for graph in graphs))
+
+
+def draw_front(solid: Polyhedron) -> DrawnView:
+    """The front view alone."""
+    faces = LooseFaces.of(solid)
+    fine = FINE * faces.reach()
+    front, *others = (_flat(faces, projection, fine) for projection in PROJECTIONS)
+    stubs = (DrawnView(view.segments[:1], view.hidden[:1]) for view in others)
+    return _with_line_types(faces, view_graphs(ThreeViews(front, *stubs), fine)[1][0])
 
 
 def projected(solid: Polyhedron) -> tuple[LooseFaces, list[ViewGraph]]:

@@ -10,7 +10,6 @@ Cells that no clause links, once the forced ones are known, are chosen independe
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import cycle, islice
 from math import prod
 
 import numpy as np
@@ -19,6 +18,7 @@ from pysat.solvers import Solver
 
 from recon.three_view.conditions import Clause, Conditions
 from recon.three_view.counting import exact_count
+from recon.three_view.simplest import SOLVER, Surroundings, simplest
 from recon.three_view.tables import linked
 
 __all__ = ["FreeChoice", "Labelings", "consistent_labelings", "is_consistent"]
@@ -26,11 +26,8 @@ __all__ = ["FreeChoice", "Labelings", "consistent_labelings", "is_consistent"]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-SOLVER = "glucose4"  # the fastest of those whose guesses can be steered
 EFFORT = 200_000  # literals of listed options, beyond which a choice is only counted
 LEAST = 100
-STARTS, STEPS = 4, 200  # where the search for a simple solid among very many begins, and how far it goes
-FLIPS = 1000  # cells tried the other way after that
 
 Cost = Callable[[Flags], Ints]
 
@@ -179,45 +176,19 @@ def _free_choices(
     walls, cost, limit, seconds = asked
     known = np.array(value[1 : given.n_cells + 1])
     for part, cells in members.items():
-        simplicity = _Walls.of(walls, known, cells), partial(_cost_beside, cost, known > 0, np.array(cells) - 1)
-        yield _free_choice(own[part], cells, simplicity, limit, seconds)
+        within = Surroundings(walls, known, np.array(cells) - 1)
+        yield _free_choice(own[part], cells, (within, partial(_cost_beside, cost, within)), limit, seconds)
 
 
-@dataclass(frozen=True, eq=False)
-class _Walls:
-    """Fragments that a choice decides on.
-
-    apart   (k, 2) places, in the choice, of the two cells on the sides of a fragment
-    before  signed places from 1: the fragment is present when that cell is solid, or empty where negative
-    """
-
-    apart: Ints
-    before: list[int]
-
-    @classmethod
-    def of(cls, walls: Ints, known: Ints, cells: Sequence[int]) -> "_Walls":
-        place = np.full(len(known), -1, dtype=np.int64)
-        place[np.array(cells) - 1] = np.arange(len(cells))
-        both = np.unique(np.sort(place[walls], axis=1), axis=0)
-        both = both[(both[:, 0] >= 0) & (both[:, 0] != both[:, 1])]
-        before: list[int] = []
-        for one, other in (walls.T, walls.T[::-1]):
-            rows = (place[one] >= 0) & (known[other] != 0)
-            before += ((place[one[rows]] + 1) * -known[other[rows]]).tolist()
-        return cls(both, sorted(set(before)))
-
-
-def _cost_beside(cost: Cost, solid: Flags, cells: Ints, model: Sequence[int]) -> tuple[int, ...]:
+def _cost_beside(cost: Cost, within: Surroundings, model: Sequence[int]) -> tuple[int, ...]:
     """Cost of a choice's model, all other choices left empty."""
-    flags = solid.copy()
-    flags[cells] = np.array(model[: len(cells)]) > 0
-    return tuple(cost(flags[None])[0].tolist())
+    return tuple(cost(within.flags(model)[None])[0].tolist())
 
 
 def _free_choice(
     clauses: Sequence[Clause],
     cells: Sequence[int],
-    simplicity: tuple[_Walls, Callable[[Sequence[int]], tuple[int, ...]]],
+    simplicity: tuple[Surroundings, Callable[[Sequence[int]], tuple[int, ...]]],
     limit: int,
     seconds: float,
 ) -> FreeChoice:
@@ -227,9 +198,7 @@ def _free_choice(
     renamed = [[number[abs(x)] * (1 if x > 0 else -1) for x in clause] for clause in clauses]
     models, complete = _models(renamed, len(cells), min(limit, max(LEAST, EFFORT // len(cells))))
     if not complete:
-        walls, cost = simplicity
-        models = _fewest_walls(renamed, walls, models) + models
-        models = [_simplest(renamed, cost, models), *models]
+        models = [simplest(renamed, *simplicity, models), *models]
     options = tuple(dict.fromkeys(frozenset(cells[x - 1] - 1 for x in model if x > 0) for model in models))
     count = None if complete or not seconds else exact_count(renamed, len(cells), seconds=seconds)
     return FreeChoice(tuple(v - 1 for v in cells), options, count or len(options), complete or count is not None)
@@ -247,52 +216,3 @@ def _models(clauses: Sequence[Clause], n: int, limit: int) -> tuple[list[list[in
             found.append(model)
             solver.add_clause([-x for x in model])
     return found, True
-
-
-def _fewest_walls(clauses: Sequence[Clause], walls: _Walls, models: Sequence[list[int]]) -> list[list[int]]:
-    """From some of many models down to such that no other has the same fragments but for some left out."""
-    n = len(models[0])
-    top = max(n, *(abs(x) for clause in clauses for x in clause))
-    present = list(walls.before)
-    solver = Solver(name=SOLVER, bootstrap_with=clauses)
-    for a, b in (walls.apart + 1).tolist():
-        top += 1
-        for clause in ((-top, a, b), (-top, -a, -b), (top, -a, b), (top, a, -b)):
-            solver.add_clause(clause)
-        present.append(top)
-    found = []
-    with solver:
-        for start in models[:: max(1, len(models) // STARTS)][:STARTS]:
-            solver.solve(assumptions=start)
-            for _ in range(STEPS):
-                true = set(solver.get_model())
-                kept = [x for x in present if x in true]
-                top += 1
-                solver.add_clause([-top, *(-x for x in kept)])
-                solver.set_phases([-x for x in present])
-                if not solver.solve(assumptions=[top, *(-x for x in present if x not in true)]):
-                    break
-            found.append([x for x in sorted(true, key=abs) if abs(x) <= n])
-    return found
-
-
-def _simplest(
-    clauses: Sequence[Clause], cost: Callable[[Sequence[int]], tuple[int, ...]], models: Sequence[list[int]]
-) -> list[int]:
-    """From the simplest of the first models on, cell by cell, to the nearest model that is simpler."""
-    n = len(models[0])
-    best = min(models[:LEAST], key=cost)
-    least, unchanged = cost(best), 0
-    with Solver(name=SOLVER, bootstrap_with=clauses) as solver:
-        solver.solve(assumptions=best)
-        model = solver.get_model()
-        for k in islice(cycle(range(n)), FLIPS):
-            solver.set_phases(model)  # so that little else changes
-            unchanged += 1
-            if solver.solve(assumptions=[-model[k]]):
-                other = solver.get_model()
-                if cost(other) < least:
-                    least, model, unchanged = cost(other), other, 0
-            if unchanged == n:
-                break
-    return list(model[:n])

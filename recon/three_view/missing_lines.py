@@ -24,8 +24,13 @@ PARALLEL = 1e-3  # radians
 MOST = 1200  # vertices that two views support, beyond which no pairs are tried
 
 
-def missing_lines(values: Sequence[Floats], graphs: Sequence[ViewGraph], lacking: int, snap: float) -> Floats:
-    """(n, 2, 2) lines that the view of number `lacking` may lack; pieces that it has drawn are among them."""
+def missing_lines(
+    values: Sequence[Floats], graphs: Sequence[ViewGraph], lacking: int, snap: float, *, slanted: bool = True
+) -> Floats:
+    """(n, 2, 2) lines that the view of number `lacking` may lack; pieces that it has drawn are among them.
+
+    slanted  whether slanted ones are, too
+    """
     view = graphs[lacking]
     others = [graph for k, graph in enumerate(graphs) if k != lacking]
     coordinates, points = _vertices(others, view)
@@ -41,11 +46,13 @@ def missing_lines(values: Sequence[Floats], graphs: Sequence[ViewGraph], lacking
     flat = at[:, view.projection.axes]
     gap = np.abs(flat[i] - flat[j])
     corner = cKDTree(view.positions).query(flat)[0] <= 2 * snap
-    slanted = np.any([_meets_slanted(graph)[shown] for graph, shown in zip(others, points.T)], axis=0)
+    going_on = np.any([_meets_slanted(graph)[shown] for graph, shown in zip(others, points.T)], axis=0)
     # In a plane across the sight any two vertices are joined. Of slanted lines those are likely that run between points
     # of the view, or along another line of it, or go on as slanted lines in another view.
-    likely = (gap <= snap).any(axis=1) | (corner[i] & corner[j]) | (slanted[i] & slanted[j])
-    likely |= _parallel_to_some(flat[j] - flat[i], view.directions())
+    likely = (gap <= snap).any(axis=1)
+    if slanted:
+        likely |= (corner[i] & corner[j]) | (going_on[i] & going_on[j])
+        likely |= _parallel_to_some(flat[j] - flat[i], view.directions())
     likely &= (gap > snap).any(axis=1)
     pairs = np.column_stack([i, j])[likely]
     pairs = pairs[elementary(at, pairs, snap)] if len(pairs) else pairs

@@ -1,7 +1,8 @@
 """Which of many solids a draughtsman would rather have meant: the simplest one.
 
-Fewer bodies first, then fewer voids, then fewer faces, then fewer edges. Counted on the cells, for many labelings at
-once, since an ambiguous drawing has thousands of them.
+Fewer bodies first, then fewer voids, then fewer faces, then fewer edges; of equals the one that leaves fewer cells
+empty: a cube rather than a cube with a corner turned in. Counted on the cells, for many labelings at once, since an
+ambiguous drawing has thousands of them.
 """
 
 from collections.abc import Sequence
@@ -51,7 +52,7 @@ def _beside_the_first(labelings: Labelings, choices: Sequence[FreeChoice], k: in
 
 
 def plausibility(made: Fragments, cells: Cells, solids: Flags) -> Ints:
-    """(k, 4) numbers of bodies, voids, faces and edge pieces of solids, each given as a row of (k, n_cells) flags."""
+    """(k, 5) numbers of bodies, voids, faces, edge pieces, empty cells of solids, each a row of (k, n_cells) flags."""
     return _counted(cells.of_side, made.plane, (cells.edge, cells.fragment, cells.after), np.atleast_2d(solids))
 
 
@@ -71,7 +72,7 @@ def _root(parent: Ints, k: int) -> int:  # pragma: no cover - compiled
 @njit(cache=True)
 def _counted(of_side: Ints, plane: Ints, around: tuple[Ints, Ints, Ints], solids: Flags) -> Ints:  # pragma: no cover
     edge, fragment, after = around
-    found = np.zeros((len(solids), 4), dtype=np.int64)
+    found = np.zeros((len(solids), 5), dtype=np.int64)
     for row in range(len(solids)):
         solid = solids[row]
         lump, face = np.arange(len(solid)), np.arange(len(plane))
@@ -90,6 +91,7 @@ def _counted(of_side: Ints, plane: Ints, around: tuple[Ints, Ints, Ints], solids
             if lump[c] == c:
                 found[row, 0 if solid[c] else 1] += 1
         found[row, 1] -= 1  # the space around is no void
+        found[row, 4] = len(solid) - solid.sum()
         for f in range(len(plane)):
             if face[f] == f and solid[of_side[f, 0]] != solid[of_side[f, 1]]:
                 found[row, 2] += 1

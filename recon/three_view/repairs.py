@@ -10,7 +10,8 @@ every line that the two other views support, each switched to be drawn or absent
 none of the rest, tells what is missing; a solid that needs one of them in place of a line drawn tells what has moved.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import chain, zip_longest
@@ -109,14 +110,27 @@ def likely_repairs(
     ask       the conditions of a drawing, alternatives included
     """
     given = ask(drawing)
-    fuller = [_Fuller(drawing, view, snap, ask) for view in range(3)]
-    moved = _by_distance(drawing, chain.from_iterable(one.moved() for one in fuller))
-    added = _by_weight(chain.from_iterable(one.added() for one in fuller))
+    found = [_moved_and_added(drawing, view, snap, ask) for view in range(3)]
+    moved = _by_distance(drawing, chain.from_iterable(moves for moves, _ in found))
+    added = _by_weight(chain.from_iterable(additions for _, additions in found))
     for ranks in zip_longest(moved, _changed(drawing, given, conflict, State.RETYPED), added):
         yield from (repair for repair in ranks if repair is not None)
     yield from _changed(drawing, given, conflict, State.ABSENT)
-    for one in fuller:
-        one.close()
+
+
+def _moved_and_added(
+    drawing: ThreeViews, view: int, snap: float, ask: Callable[[ThreeViews], Asked]
+) -> tuple[list[Repair], list[Repair]]:
+    """Repairs by lines that a view may lack. Slanted ones, where there are very many, cut each other so near their ends
+    that none fits; upright ones alone are tried then.
+    """
+    for slanted in (True, False):
+        lacking = missing_lines(*view_graphs(drawing, snap), view, snap, slanted=slanted)
+        with closing(_Fuller(drawing, view, lacking, snap, ask)) as fuller:
+            moved, added = list(fuller.moved()), list(fuller.added())
+        if moved or added:
+            break
+    return moved, added
 
 
 def _changed(drawing: ThreeViews, given: Asked, among: Sequence[DrawnLine], state: State) -> Iterator[Repair]:
@@ -145,7 +159,7 @@ def _offsets(one: tuple[Point, Point], other: tuple[Point, Point]) -> tuple[floa
     return first, second
 
 
-def _by_distance(drawing: ThreeViews, moves: Iterator[Repair]) -> list[Repair]:
+def _by_distance(drawing: ThreeViews, moves: Iterable[Repair]) -> list[Repair]:
     def far(repair: Repair) -> float:
         assert repair.line is not None
         return max(_offsets(_ends(drawing, repair.line), repair.strokes[0].ends))
@@ -153,7 +167,7 @@ def _by_distance(drawing: ThreeViews, moves: Iterator[Repair]) -> list[Repair]:
     return sorted((move for move in moves if far(move) <= FAR * drawing.extent()), key=far)
 
 
-def _by_weight(additions: Iterator[Repair]) -> list[Repair]:
+def _by_weight(additions: Iterable[Repair]) -> list[Repair]:
     """Fewer strokes first, then the shorter ones."""
 
     def weight(repair: Repair) -> tuple[int, float]:
@@ -172,13 +186,14 @@ def _with_dashed(drawing: ThreeViews, view: int, segments: Floats) -> ThreeViews
 
 
 class _Fuller:
-    """A drawing, one view of which has got every line that it may lack, in pieces that are there or not one by one."""
+    """A drawing, one view of which has got the lines that it lacks, in pieces that are there or not one by one."""
 
-    def __init__(self, drawing: ThreeViews, view: int, snap: float, ask: Callable[[ThreeViews], Asked]) -> None:
+    def __init__(
+        self, drawing: ThreeViews, view: int, lacking: Floats, snap: float, ask: Callable[[ThreeViews], Asked]
+    ) -> None:
         self._view = view
         self._n = [drawn for _, drawn in drawing][view].n_segments
-        whole = missing_lines(*view_graphs(drawing, snap), view, snap)
-        graph = view_graphs(_with_dashed(drawing, view, whole), snap)[1][view]
+        graph = view_graphs(_with_dashed(drawing, view, lacking), snap)[1][view]
         self._drawing = _with_dashed(drawing, view, graph.positions[graph.edges[graph.sources >= self._n]])
         conditions, self._graphs = ask(self._drawing)
         self._switched = SwitchedLines(conditions, self._graphs)

@@ -65,7 +65,20 @@ def test_a_number_too_large_and_a_contradiction_get_one_sentence(tmp_path):
     run = recon("views", odd, "-o", tmp_path / "part.step")
     assert run.returncode == 1
     assert "No solid" in run.stderr
+    answer = json.loads(recon("views", odd, "-o", tmp_path / "part.step", "--json").stdout)
+    assert "(0, 40) to (40, 0)" in " ".join(answer["room"]["conflicts"])
+    assert "(0, 40) to (40, 0) should not be there" in answer["room"]["repairs"][0]
     assert not list(tmp_path.glob("*.step"))
+
+
+def test_a_repair_is_made_on_request_and_said(tmp_path):
+    odd = puzzle(tmp_path / "odd.json", [[0, 40, 40, 0]], [], [])
+    answer = json.loads(recon("views", odd, "--repair", "-o", tmp_path / "part.step", "--json").stdout)
+    assert (answer["verdict"], answer["room"]["solutions"]) == ("pass", 1)
+    assert "(0, 40) to (40, 0) should not be there" in answer["room"]["repaired"]
+    assert any("repaired" in note for note in answer["notes"])
+    assert answer["room"]["conflicts"]
+    assert answer["kernel"]["volume"] == pytest.approx(40**3)
 
 
 @pytest.mark.skipif(not DRAWINGS.is_dir(), reason="the folder of drawings is not beside this checkout")

@@ -279,3 +279,60 @@ def test_a_title_block_beside_the_views_is_set_aside(tmp_path):
     read = read_views(path)
     assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
     assert "set aside 5 lines beside the views" in read.notes
+
+
+def same_as_drawn(document, path):
+    document.saveas(path)
+    read = read_views(path)
+    assert [rows(view) for _, view in read.drawing] == [expected(name) for name in VIEWS]
+    return read.notes
+
+
+def test_what_is_not_shown_is_set_aside(tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    space = document.modelspace()
+    document.layers.add("AUX").off()
+    document.layers.add("OLD").freeze()
+    block = document.blocks.new("GRID")
+    block.add_line((0, 0), (90, 90))
+    block.add_circle((5, 5), 3)
+    space.add_line((-5, -5), (90, 60), dxfattribs={"layer": "AUX"})
+    space.add_blockref("GRID", (0, 0), dxfattribs={"layer": "OLD"})
+    space.add_line((0, 0), (90, 3), dxfattribs={"invisible": 1})
+    assert any("3 entities that are not shown" in note for note in same_as_drawn(document, tmp_path / "part.dxf"))
+
+
+def test_views_on_a_sheet_of_paper_are_read_where_the_model_space_is_empty(tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    for line in list(document.modelspace()):
+        document.modelspace().move_to_layout(line, document.paperspace())
+    same_as_drawn(document, tmp_path / "part.dxf")
+
+
+def test_a_block_inserted_in_rows_stands_in_every_place(tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    space = document.modelspace()
+    # both dashed lines that stand upright in the front view's column, 5 and 10 long, are put in by one row of pieces
+    for line in [line for line in space if line.dxf.layer == "HIDDEN" and line.dxf.start.x == line.dxf.end.x]:
+        start, end = sorted([line.dxf.start, line.dxf.end])
+        space.delete_entity(line)
+        block = document.blocks.new(f"DASH{len(document.blocks)}")
+        block.add_line((0, 0), (0, (end - start).y / 2), dxfattribs={"linetype": "ACAD_ISO07W100"})
+        many = {"row_count": 2, "row_spacing": (end - start).y / 2}
+        space.add_blockref(block.name, (start.x, start.y), dxfattribs=many)
+    document.saveas(tmp_path / "part.dxf")
+    read = read_views(tmp_path / "part.dxf")
+    assert [int(view.hidden.sum()) for _, view in read.drawing] == [2, 2, 1]
+    lengths = [np.linalg.norm(np.diff(view.segments[view.hidden], axis=1), axis=2).sum() for _, view in read.drawing]
+    np.testing.assert_allclose(lengths, [30, 10, 10])
+
+
+def test_a_pictorial_view_and_labels_made_of_lines_are_set_aside(tmp_path):
+    document = sheet(PLACES["third angle, side view from the right"])
+    space = document.modelspace()
+    for a, b, c, d in [(60, 45, 80, 35), (80, 35, 95, 42), (95, 42, 95, 60), (80, 35, 80, 55), (60, 45, 60, 66)]:
+        space.add_line((a, b), (c, d))
+    for x, y in [(-6, 2), (-6, 52), (88, 2)]:
+        space.add_line((x, y), (x + 2, y + 4))
+        space.add_line((x + 3, y), (x + 2.2, y + 3))
+    assert "set aside 11 lines beside the views" in same_as_drawn(document, tmp_path / "part.dxf")

@@ -152,3 +152,12 @@ def test_bodies_that_touch_along_an_edge_stay_two_and_a_void_is_a_shell_of_its_o
     first = next(all_polyhedra(lattice_drawing(hollow)))
     assert [len(body) for body in first.bodies] == [2]
     assert volume(first) == pytest.approx(26 * 10.0**3)
+
+
+def test_of_solids_with_as_many_faces_and_edges_the_one_without_dents_comes_first():
+    points = [[x, y, z] for x in (-20, 20) for y in (-20, 20) for z in (-20, 20)]
+    points += [(sign * 40 * np.eye(3)[axis]).tolist() for axis in range(3) for sign in (-1, 1)]
+    dodecahedron = convex(np.array(points, dtype=float))  # twelve rhombi
+    found = interpret(draw(dodecahedron))
+    assert found.count == 17
+    assert volume(found.polyhedron(0)) == pytest.approx(volume(dodecahedron))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lattice_solids import lattice_drawing
 
-from recon.three_view.hidden_lines import draw
+from recon.three_view.hidden_lines import draw, draw_front
 from recon.three_view.pipeline import interpret
 from recon.three_view.verification import differences
 
@@ -38,3 +38,10 @@ def test_drawing_does_not_depend_on_the_unit(scale):
     for (_, one), (_, other) in zip(draw(solid), draw(scaled)):
         assert np.allclose(one.segments * scale, other.segments)
         assert (one.hidden == other.hidden).all()
+
+
+def test_the_front_view_alone_is_that_of_the_three():
+    solid = interpret(lattice_drawing(np.random.default_rng(8).random((3, 3, 3)) < 0.6)).polyhedron(0)
+    front, alone = draw(solid).front, draw_front(solid)
+    assert np.allclose(front.segments, alone.segments)
+    assert (front.hidden == alone.hidden).all()
