@@ -56,6 +56,24 @@ def test_all_solids_are_written_or_none(tmp_path):
     assert not [path for path in tmp_path.glob("*.step") if path.is_file()]
 
 
+def test_no_more_solids_are_written_than_asked_for_and_that_is_said(tmp_path):
+    drawing = puzzle(tmp_path / "puzzle.json", [[0, 40, 40, 0]], [[0, 0, 40, 40]], [[0, 0, 40, 40]])
+    answer = json.loads(recon("views", drawing, "--all", "--limit", "2", "-o", tmp_path / "part.stl", "--json").stdout)
+    assert sorted(path.name for path in tmp_path.glob("*.stl")) == ["part_1.stl", "part_2.stl"]
+    assert answer["room"]["solutions"] == 6
+    assert any("--limit" in note for note in answer["notes"])
+
+
+def test_a_drawing_without_dashes_is_read_when_it_is_said_that_it_has_none(tmp_path):
+    pocket = [[10, 20, 10, 40], [30, 20, 30, 40], [10, 20, 30, 20]]  # hidden, but drawn through
+    square = [[10, 10, 30, 10], [30, 10, 30, 30], [30, 30, 10, 30], [10, 30, 10, 10]]
+    drawing = puzzle(tmp_path / "pocket.json", pocket, square, pocket)
+    assert recon("views", drawing, "-o", tmp_path / "part.stl").returncode == 1
+    answer = json.loads(recon("views", drawing, "--no-hidden", "-o", tmp_path / "part.stl", "--json").stdout)
+    assert (answer["verdict"], answer["room"]["solutions"]) == ("pass", 1)
+    assert answer["kernel"]["volume"] == pytest.approx(40**3 - 20**3)
+
+
 def test_a_number_too_large_and_a_contradiction_get_one_sentence(tmp_path):
     drawing = puzzle(tmp_path / "puzzle.json", [[0, 40, 40, 0]], [[0, 0, 40, 40]], [[0, 0, 40, 40]])
     run = recon("views", drawing, "--solution", "7", "-o", tmp_path / "part.step")
