@@ -32,6 +32,7 @@ Bools = NDArray[np.bool_]
 NEAR = 0.3  # of the wall's thickness: what lies nearer is met; chips and relief are smaller
 MOST_BRIDGED = 0.15  # of the piece's edge in one stretch; gaps between sherds take a few hundredths
 LEAST_EDGE = 0.8  # of the measured edge; hairs and spikes take a tenth
+TALL = 2.0  # thicknesses of the wall
 LEAST_FRACTURE = 0.9  # of its area; right pieces meet 0.98 and more
 MOST_TURNED = 0.1  # of the edge; relief turns normals by 30 degrees at most
 TURNED = 0.5  # cosine beyond which the wall does not go on
@@ -107,7 +108,7 @@ def rim_figures(piece: LipPiece, around: Surroundings, *, clearance: float = 0.0
     return RimFigures(
         bridged=_longest(loop, cKDTree(edge).query(loop)[0] >= near),
         edge=float(met.mean()),
-        fracture=fracture_met(fracture.reshape(-1, 3), around, near),
+        fracture=fracture_met(fracture.reshape(-1, 3), around, near, thick),
         turned=_turned(piece, edge[met], None if wall.edge.normals is None else wall.edge.normals[measured][met]),
         covered=_covered(surface.point(inside), surface.normal(inside), (wall.measured.vertices, normals), loop, near),
         thickness=_thickness_ratio(loop, rungs, (wall.measured.vertices, normals), thick),
@@ -130,13 +131,19 @@ def _longest(loop: Floats, alone: Bools) -> float:
     return float(np.bincount(run[alone], steps[alone]).max() / steps.sum())
 
 
-def fracture_met(points: Floats, around: Surroundings, near: float) -> float:
-    """Share of the neighbours' fracture, by area, nearer than a length to points (m, 3) of the piece's; 1 for none."""
+def fracture_met(points: Floats, around: Surroundings, near: float, thick: float) -> float:
+    """Share of the neighbours' fracture, by area, nearer than a length to points (m, 3) of the piece's; 1 for none.
+
+    thick  of the piece's wall: fracture farther than twice that from the hole's outer edge belongs to a lump, or to a
+           floor thicker than the wall, which the piece need not reach
+    """
     if around.fracture is None or around.fracture.n_faces == 0:
         return 1.0
+    centres = around.fracture.corners().mean(axis=1)
     area = np.linalg.norm(around.fracture.area_vectors(), axis=1)
-    away = cKDTree(points).query(around.fracture.corners().mean(axis=1))[0]
-    return float(area[away < near].sum() / area.sum())
+    area[cKDTree(around.outer.edge.points).query(centres)[0] > TALL * thick] = 0.0
+    away = cKDTree(points).query(centres)[0]
+    return float(area[away < near].sum() / area.sum()) if area.any() else 1.0
 
 
 def _turned(piece: LipPiece, edge: Floats, normals: Floats | None) -> float:

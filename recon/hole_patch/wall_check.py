@@ -97,7 +97,7 @@ def check_fracture_met(piece: ThickPiece, around: Surroundings, *, clearance: fl
         [wall.grid(np.linspace(*wall.domain[0], ALONG), np.linspace(*wall.domain[1], 9)) for wall in piece.wall]
     )
     thick = float(np.median(np.linalg.norm(rungs[:, 0] - rungs[:, -1], axis=1)))
-    met = fracture_met(rungs.reshape(-1, 3), around, NEAR * thick + clearance)
+    met = fracture_met(rungs.reshape(-1, 3), around, NEAR * thick + clearance, thick)
     if met < LEAST_FRACTURE:
         raise NoSurface(
             f"The piece cannot be right: it meets {met:.0%} of its neighbours' fracture only ({LEAST_FRACTURE:.0%}"
