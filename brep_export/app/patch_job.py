@@ -120,11 +120,18 @@ class BuiltPiece:
     report: CheckReport
     placing: Placing | None
 
+    def betters(self, other: "BuiltPiece") -> bool:
+        """What passed the gate betters what did not; else what cuts less into its neighbours, by more than they are
+        placed: readings come in the order of their likelihood.
+        """
+        if self.report.passed != other.report.passed:
+            return self.report.passed
+        return self._gap > other._gap + (0.0 if other.placing is None else other.placing.tolerance_mm)
+
     @property
-    def rank(self) -> tuple[bool, float]:
-        """What passed the gate comes before what did not, then what cuts least into its neighbours."""
+    def _gap(self) -> float:
         gap = None if self.placing is None else self.placing.usual_gap_mm
-        return self.report.passed, 0.0 if gap is None else gap
+        return 0.0 if gap is None else gap
 
     @property
     def sound(self) -> bool:
@@ -151,7 +158,7 @@ def built(pieces: Iterator[MissingPiece], bench: Bench, *, name: str = "") -> Bu
             continue
         if made.sound:
             return made
-        best = made if best is None or made.rank > best.rank else best
+        best = made if best is None or made.betters(best) else best
     if best is None:
         raise error or NoHole("no piece was made.")
     return best

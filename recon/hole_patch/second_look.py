@@ -76,7 +76,7 @@ def look_again(
 
 def _labels(reading: Reading, around: Surroundings, least: float) -> Ints:
     labels = reading.labels.copy()
-    if around.axis is None or not reading.closed.all():
+    if around.axis is None or not reading.closed.all() or np.isinf(least):
         return labels
     for wall, side, inward in ((around.outer, OUTER, -1.0), (around.inner, INNER, 1.0)):
         if wall is None:
@@ -88,9 +88,8 @@ def _labels(reading: Reading, around: Surroundings, least: float) -> Ints:
             continue
         again = wall_again(fit, reading, inward=inward)
         labels[again] = _nearest_label(reading, np.isin(reading.labels, sides), again)
-        if not np.isinf(least):
-            on_wall = np.isin(reading.labels, sides)
-            labels[misread_faces(fit, around.axis, reading, on_wall, inward=inward, least=least)] = FRACTURE
+        on_wall = np.isin(reading.labels, sides)
+        labels[misread_faces(fit, around.axis, reading, on_wall, inward=inward, least=least)] = FRACTURE
     return labels
 
 
