@@ -32,7 +32,6 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +51,7 @@ from brep_export.solids import polyhedron_solid
 from bspline_fit import made
 from drawn_parts import KINDS, part, solid_volume
 from geometric_fit import bumpy_ball
+from hole_patch_robustness import Verdict
 from recon.errors import ReconError
 from recon.geometric_fit.options import FitOptions
 from recon.geometric_fit.pipeline import fit_surface
@@ -81,12 +81,6 @@ SCALES = (-3.0, 6.0)  # powers of ten
 NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:e[-+]?\d+)?")
 
 Rng = np.random.Generator
-
-
-class Verdict(StrEnum):
-    PASSED = "passed"
-    REFUSED = "refused"
-    WRONG = "wrong"
 
 
 @dataclass(frozen=True)
@@ -266,7 +260,7 @@ def patch_outcomes(seeds: range) -> list[Outcome]:
     """Those of hole_patch_robustness.py, in processes of their own."""
     trials = [hole_patch_robustness.trial(seed) for seed in seeds]
     usual = float(np.nanmedian([trial.share for trial in trials]))
-    return [Outcome(Verdict(trial.verdict(usual)), trial.reason) for trial in trials]
+    return [Outcome(trial.verdict(usual), trial.reason) for trial in trials]
 
 
 TRIALS: dict[str, Callable[[Rng], Outcome]] = {

@@ -121,8 +121,10 @@ class BuiltPiece:
     placing: Placing | None
 
     def betters(self, other: "BuiltPiece") -> bool:
-        """What passed the gate betters what did not; else what cuts less into its neighbours, by more than they are
-        placed: readings come in the order of their likelihood.
+        """Whether this is to be kept, and not another from a likelier reading.
+
+        It is where it passed the gate and the other did not, or where it cuts less into its neighbours by more than the
+        tolerance with which these are placed.
         """
         if self.report.passed != other.report.passed:
             return self.report.passed

@@ -37,7 +37,13 @@ from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
-from recon.hole_patch.wall_check import MOST_OFF, check_fracture_met, check_fracture_unfolded, check_walls_go_on
+from recon.hole_patch.wall_check import (
+    MOST_OFF,
+    WallsStandOff,
+    check_fracture_met,
+    check_fracture_unfolded,
+    check_walls_go_on,
+)
 from recon.hole_patch.walls import FRACTURE
 from recon.hole_patch.wheel_sheet import clean_wall, fit_wall, wheel_sheet
 
@@ -279,27 +285,30 @@ def _attempt(number: int, found: HolesFound, options: PatchOptions, doing: Calla
 
 def _pieces(found: HolesFound, options: PatchOptions, doing: Callable[[str], None]) -> Iterator[MissingPiece]:
     """A piece for each reading of the walls that differs from those before, the likeliest first. Those that gave none
-    follow with their inner wall bridged, and then with walls that stand off from more of their edges.
+    follow with their inner wall bridged, and then those whose walls stand off from more of their edges.
     """
     near = None if options.picks is None else options.picks.mean(axis=0)
     first = surroundings_in(found.reading, hole=options.hole, near=near, pass_band=options.pass_band)
     left: Iterable[tuple[Surroundings, str]] = _readings(found.reading, first, options)
-    refusal: ReconError | None = None
+    reason: dict[Surroundings, ReconError] = {}  # of each reading that gave nothing, but for its bridged wall
     any_made = False
     for bridging, most_off in ((False, GOING_ON), (True, MOST_OFF), (False, MOST_OFF)):
-        refused, reason = [], None
+        refused = []
         for around, changed in left:
+            if around in reason and not bridging and not isinstance(reason[around], WallsStandOff):
+                continue  # it would be refused for the same again
             try:
                 piece = _piece(around, changed, found, options, doing, bridging=bridging, most_off=most_off)
             except (NoHole, NoSurface, NoWall, BadGeometry) as error:
-                reason = reason or error
                 refused.append((around, changed))
+                if not bridging:
+                    reason[around] = error
                 continue
             any_made = True
             yield piece
-        left, refusal = refused, refusal if bridging else reason
-    if refusal is not None and not any_made:
-        raise refusal
+        left = refused
+    if reason and not any_made:
+        raise next(iter(reason.values()))
 
 
 def _readings(reading: Reading, first: Surroundings, options: PatchOptions) -> Iterator[tuple[Surroundings, str]]:

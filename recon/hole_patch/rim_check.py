@@ -32,7 +32,7 @@ Bools = NDArray[np.bool_]
 NEAR = 0.3  # of the wall's thickness: what lies nearer is met; chips and relief are smaller
 MOST_BRIDGED = 0.15  # of the piece's edge in one stretch; gaps between sherds take a few hundredths
 LEAST_EDGE = 0.8  # of the measured edge; hairs and spikes take a tenth
-TALL = 2.0  # thicknesses of the wall
+TALL = 2.0  # thicknesses from the outer edge of the hole: fracture beyond is that of a lump, or of a thick floor
 LEAST_FRACTURE = 0.9  # of its area; right pieces meet 0.98 and more
 MOST_TURNED = 0.1  # of the edge; relief turns normals by 30 degrees at most
 TURNED = 0.5  # cosine beyond which the wall does not go on
@@ -134,8 +134,8 @@ def _longest(loop: Floats, alone: Bools) -> float:
 def fracture_met(points: Floats, around: Surroundings, near: float, thick: float) -> float:
     """Share of the neighbours' fracture, by area, nearer than a length to points (m, 3) of the piece's; 1 for none.
 
-    thick  of the piece's wall: fracture farther than twice that from the hole's outer edge belongs to a lump, or to a
-           floor thicker than the wall, which the piece need not reach
+    near, thick  lengths in millimetres: what is met, and the thickness of the piece's wall; of fracture farther than
+                 `TALL` of it from the hole's outer edge none is asked
     """
     if around.fracture is None or around.fracture.n_faces == 0:
         return 1.0

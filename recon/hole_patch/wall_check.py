@@ -23,6 +23,7 @@ from recon.hole_patch.surroundings import HoleEdge, Surroundings
 __all__ = [
     "MOST_OFF",
     "WallFigures",
+    "WallsStandOff",
     "check_fracture_met",
     "check_fracture_unfolded",
     "check_walls_go_on",
@@ -37,6 +38,10 @@ ALONG = 200  # places along a quarter of the fracture
 FINELY = 8  # places between two knots of the fracture's wall, where folds are looked for
 DOWN = np.array([0.0, 0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98, 1.0])  # its rungs
 FOLDED = -0.5  # cosine between normals of places beside each other
+
+
+class WallsStandOff(NoSurface):
+    """The walls around a piece do not go on in its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +78,12 @@ class WallFigures:
 def check_walls_go_on(
     outer: TrimmedSurface, inner: TrimmedSurface, around: Surroundings, most: float = MOST_OFF
 ) -> None:
-    """Raises  NoSurface, with the reason, when the walls between which a piece is to be made cannot be right: where
+    """Raises  WallsStandOff, with the reason, when the walls between which a piece is to be made cannot be right: where
     they stand off from more than a share of their edges.
     """
     problem = wall_figures(outer, inner, around).problem(most)
     if problem:
-        raise NoSurface(f"The piece cannot be right: {problem}.")
+        raise WallsStandOff(f"The piece cannot be right: {problem}.")
 
 
 def wall_figures(outer: TrimmedSurface, inner: TrimmedSurface, around: Surroundings) -> WallFigures:

@@ -12,7 +12,7 @@ where the axis runs along the grid a whole voxel is open there.  A spline on whi
 spans.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -30,6 +30,7 @@ __all__ = ["settled"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+_Sampled = tuple[Floats, Floats, Callable[[Floats], Floats]]
 
 STEP = 0.1  # voxels between the samples of the profile that centres are held against
 NEAR = 0.6  # voxels from the profile of the centres that may come to lie on the wrong side
@@ -282,7 +283,7 @@ def _by_number(net: _Net, rows: Ints, by_coordinate: Floats) -> sparse.csr_array
     return sparse.csr_array(flat @ rule.tocsr())
 
 
-def _curve_samples(piece: ProfileLine | ProfileSpline):  # type: ignore[no-untyped-def]
+def _curve_samples(piece: ProfileLine | ProfileSpline) -> _Sampled:
     """Places and tangents of a line or spline, and what gives the derivatives by its points from the normals."""
     if isinstance(piece, ProfileLine):
         t = np.linspace(0.0, 1.0, _count(piece.length))
@@ -297,7 +298,7 @@ def _curve_samples(piece: ProfileLine | ProfileSpline):  # type: ignore[no-untyp
     return weights @ points, tangents, lambda normals: weights[:, :, None] * normals[:, None, :]
 
 
-def _arc_samples(arc: ProfileArc):  # type: ignore[no-untyped-def]
+def _arc_samples(arc: ProfileArc) -> _Sampled:
     """The same of an arc: its distance changes with its centre and its radius, these with its three points."""
     points = np.stack([arc.start, arc.middle, arc.end])
     centre, radius = arc.circle
