@@ -30,7 +30,7 @@ from recon.terrain.contouring import contour_grid, contour_levels, largest_piece
 from recon.terrain.evaluation import contour_distances, distances_between, edge_angles, elevations
 from recon.terrain.network import stretched, terrain_network
 from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_surface
-from recon.terrain.sections import contours_at, islands_above
+from recon.terrain.sections import contours_at, contours_with, islands_above
 from recon.tolerance import Tolerance
 
 __all__ = ["TOLERANCE", "lowest_place", "paint", "scale_of", "sidecar", "stretch_of", "terrain", "write_sidecar"]
@@ -182,10 +182,9 @@ def _to_be_cut(
         return ground
     if level >= ground.jets.height.max():
         raise BadOption("--base-level", f"must lie below the highest ground, {ground.jets.height.max():.2f} m")
-    added = None if (contours.heights == level).any() else contours_at(ground, [level])
-    if added is not None:
-        heights = [*contours.heights.tolist(), *added.heights.tolist()]
-        contours = contours.with_lines([*contours.lines, *added.lines], heights)
+    contours, told = contours_with(contours, ground, level)
+    for note in told:
+        bench.note(note, name="base")
     bench.doing("cutting at the base")
     return terrain_surface(contours, replace(options, tolerance=ground.tolerance), floor=level, doing=bench.doing)
 

@@ -22,7 +22,6 @@ Ints = NDArray[np.int64]
 ROUNDS = 20
 FACTORS = 0.3, 0.8  # a round scales the jets of a patch by at least and at most so much
 BEYOND, BEYOND_ENDED = 0.04, 0.25  # shares of the interval between contours, and on summits, in pits, beside the border
-LEAST = 1e-9  # of the interval: what may be rounding
 SAMPLES = np.linspace(0.0, 1.0, 9)
 
 
@@ -32,10 +31,9 @@ def limited_jets(
     jets: VertexJets,
     limits: Levels,
     interval: float,
-    floor: float | None = None,
     held: Ints | None = None,
 ) -> tuple[VertexJets, tuple[PatchGroup, ...]]:
-    """Jets scaled down where needed, and the patches made from them; none above a floor dips below it.
+    """Jets scaled down where needed, and the patches made from them.
 
     made  makes the patches of some rows of the layout, or of all, always in the same groups
     held  vertices whose jets stay as they are, whatever the patches do
@@ -43,8 +41,6 @@ def limited_jets(
     strip = limits.strip[layout.face]
     allowed = np.where(limits.ended[strip], BEYOND_ENDED, BEYOND) * interval
     low, high = limits.low[strip], limits.high[strip]
-    if floor is not None:
-        allowed = np.where(low == floor, LEAST * interval, allowed)
     nets = tuple(made(jets, None))
     parts: Sequence[PatchGroup] = nets
     for _ in range(ROUNDS):

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -22,21 +23,23 @@ from threadpoolctl import threadpool_limits
 
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
+from recon.geometry.patches import COLLAPSED
 from recon.numerics.bernstein import bernstein
 from recon.terrain.border import Border, BorderVertices
 from recon.terrain.contour_curves import ContourCurves
 from recon.terrain.faults import checked_contours
+from recon.terrain.floor import Floor, Lifting
 from recon.terrain.gregory import gregory_folds, gregory_patches
-from recon.terrain.levels import levels
+from recon.terrain.levels import Levels, levels
 from recon.terrain.limiter import limited_jets
 from recon.terrain.merging import Folds, PatchLayout, merged_layout, ruled_folds, triangle_layout
 from recon.terrain.patch_group import PatchGroup
 from recon.terrain.patches import patch_nets
 from recon.terrain.resampling import ContourSamples, contour_samples, fit_contours, point_spacing
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
-from recon.terrain.slopes import vertex_slopes
+from recon.terrain.slopes import VertexSlopes, vertex_slopes
 from recon.terrain.spot_heights import spots_beside_contours, spots_off_strips
-from recon.terrain.tiling import ALONG, CurvesMeet, Frame, Tiling, tile, with_free_vertices
+from recon.terrain.tiling import ALONG, NO_SEGMENT, CurvesMeet, Frame, Tiling, tile, with_free_vertices
 
 __all__ = ["PatchKind", "Terrain", "TerrainOptions", "terrain_surface"]
 
@@ -52,6 +55,7 @@ SMALL_RING, RING_REACH = 12.0, 2.0  # spacings of the points: length of a ring t
 MOST_NAMED = 5
 PATIENCE = 3  # refits before rings are left out
 REFITS, TIGHTENINGS, UNFOLDINGS = 14, 9, 12
+REFINEMENTS = 4  # where patches dip below a floor
 LEAVINGS = 5  # fits after which curves that still leave the map are left to the tiling
 WAYPOINTS = np.linspace(0.0, 1.0, 17)[1:-1]  # of a segment, whose ends may lie on the border
 
@@ -142,9 +146,8 @@ def terrain_surface(
     kept, notes = _without_specks(sound, tolerance)
     kept, spots_told = spots_beside_contours(kept, tolerance, mend=options.mend)
     notes = told + notes + spots_told
-    gregory = options.patches is PatchKind.GREGORY
     local = border.joined(_ended_on_border(kept.moved(origin), tolerance))
-    fitting = _Fitting(tolerance, gregory_folds if gregory else ruled_folds, border)
+    fitting = _Fitting(tolerance, options, border, None if floor is None else Floor(floor))
     with threadpool_limits(limits=1, user_api="blas"):
         doing("following the contours")
         tiling, local, left_out = _tiled(local, fitting)
@@ -153,19 +156,97 @@ def terrain_surface(
             notes += (f"{int(odd.sum())} spot heights that the contours around contradict were left out",)
             tiling, local, left_out = _tiled(local.with_spots(local.spots[~odd]), fitting)
         notes += left_out
-        layout = merged_layout(tiling, fitting.folds)
-        doing("finding the slopes")
-        held, told_jets = border.rows(tiling), border.vertices.jets
-        limits = levels(tiling, border.interval, border.bands(held))
-        slopes = vertex_slopes(tiling, contour_frames(tiling.curves)[1], limits, (held, told_jets.slopes()))
-        jets = vertex_jets(tiling, slopes).with_rows(held, told_jets)
-        doing("making the patches")
-        made: Callable[[VertexJets, Ints | None], Sequence[PatchGroup]] = partial(patch_nets, tiling, layout)
-        if gregory:
-            made = partial(gregory_patches, tiling, layout, angle=options.angle)
-        jets, nets = limited_jets(made, layout, jets, limits, border.interval, floor, held)
-    extent, interval = local.extent, border.interval
-    return Terrain(origin, tiling, layout, jets, nets, extent, interval, tolerance, limits.strip, contours.crs, notes)
+        laid = _laid(tiling, fitting, doing)
+        for _ in range(REFINEMENTS):
+            if not len(laid.dipping):
+                break
+            tiling = _finer(tiling, local, fitting, laid)
+            laid = _laid(tiling, fitting, doing)
+    rest = local.extent, border.interval, tolerance, laid.strip, contours.crs, notes
+    return Terrain(origin, tiling, laid.layout, laid.jets, laid.nets, *rest)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitting:
+    """What the fit of curves, tiling and patches needs beside the contours."""
+
+    tolerance: float
+    options: TerrainOptions
+    border: Border
+    floor: Floor | None
+
+    @property
+    def folds(self) -> Folds:
+        return gregory_folds if self.options.patches is PatchKind.GREGORY else ruled_folds
+
+    def samples(self, contours: ContourMap) -> ContourSamples:
+        return contour_samples(contours, self.border.spacing, self.border.line_ends(contours))
+
+    def frame(self, contours: ContourMap) -> Frame:
+        return Frame(contours, BORDER_STEP * self.border.spacing, self.border.free_points)
+
+    def patches(self, tiling: Tiling, layout: PatchLayout) -> Callable[[VertexJets, Ints | None], Sequence[PatchGroup]]:
+        if self.options.patches is PatchKind.GREGORY:
+            return partial(gregory_patches, tiling, layout, angle=self.options.angle)
+        return partial(patch_nets, tiling, layout)
+
+
+class _Laid(NamedTuple):
+    """Patches over a tiling, the strips of its triangles, and the patches that dip below a floor."""
+
+    layout: PatchLayout
+    jets: VertexJets
+    nets: tuple[PatchGroup, ...]
+    strip: Ints
+    dipping: Ints
+
+
+def _laid(tiling: Tiling, fitting: _Fitting, doing: Callable[[str], None]) -> _Laid:
+    """Steps 3 to 7."""
+    border, floor = fitting.border, fitting.floor
+    layout = merged_layout(tiling, fitting.folds)
+    doing("finding the slopes")
+    held, told = border.rows(tiling), border.vertices.jets
+    limits = levels(tiling, border.interval, border.bands(held))
+    slopes, limits = _slopes(tiling, limits, (held, told.slopes()), floor)
+    jets = vertex_jets(tiling, slopes).with_rows(held, told)
+    doing("making the patches")
+    made, dipping = fitting.patches(tiling, layout), np.empty(0, dtype=np.int64)
+    jets, nets = limited_jets(made, layout, jets, limits, border.interval, held)
+    if floor is not None:
+        lifting = Lifting(floor, tiling, layout, limits, border.interval)
+        jets, nets = lifting.lifted(made, jets, nets)
+        dipping = lifting.dipping(nets)
+    return _Laid(layout, jets, nets, limits.strip, dipping)
+
+
+def _finer(tiling: Tiling, contours: ContourMap, fitting: _Fitting, laid: _Laid) -> Tiling:
+    """The tiling with the contour sides of dipping patches halved, and a free vertex in those without one."""
+    sides = laid.layout.side_edges[laid.dipping]
+    segments = np.where(sides == COLLAPSED, NO_SEGMENT, tiling.edge_segment[sides])
+    chosen = np.zeros(len(tiling.curves.bezier), dtype=bool)
+    chosen[segments[segments != NO_SEGMENT]] = True
+    bare = laid.layout.corners[laid.dipping[(segments == NO_SEGMENT).all(axis=1)], :3]
+    free = tiling.points[tiling.curves.n_vertices : len(tiling.points) - len(tiling.spots)]
+    free = np.vstack([free, tiling.points[bare].mean(axis=1)])
+    frame = fitting.frame(contours)
+    finer = tile(tiling.curves.split(chosen), frame, free)
+    return _unfolded(finer, frame, free, (TINY * fitting.tolerance, fitting.border.origin), fitting.folds)
+
+
+def _slopes(
+    tiling: Tiling, limits: Levels, told: tuple[Ints, VertexSlopes], floor: Floor | None
+) -> tuple[VertexSlopes, Levels]:
+    """Slopes at all vertices, and the limits of height, of which none spans a floor."""
+    normals = contour_frames(tiling.curves)[1]
+    if floor is None:
+        return vertex_slopes(tiling, normals, limits, told), limits
+    limits = floor.settled(limits, tiling)
+    slopes = vertex_slopes(tiling, normals, floor.cleared(limits), told)
+    if floor.cut_through(limits):
+        limits = floor.settled(limits, tiling, slopes.height)
+        slopes = vertex_slopes(tiling, normals, floor.cleared(limits), told)
+    return slopes, limits
 
 
 def _no_neighbours(contours: ContourMap) -> Border:
@@ -206,21 +287,6 @@ def _ended_on_border(contours: ContourMap, tolerance: float) -> ContourMap:
                 moved[end] = foot[int(np.argmin(gap))]
         lines.append(moved)
     return contours.with_lines(lines, contours.heights)
-
-
-@dataclass(frozen=True, eq=False)
-class _Fitting:
-    """What the fit of curves and tiling needs beside the contours."""
-
-    tolerance: float
-    folds: Folds
-    border: Border
-
-    def samples(self, contours: ContourMap) -> ContourSamples:
-        return contour_samples(contours, self.border.spacing, self.border.line_ends(contours))
-
-    def frame(self, contours: ContourMap) -> Frame:
-        return Frame(contours, BORDER_STEP * self.border.spacing, self.border.free_points)
 
 
 def _tiled(contours: ContourMap, fitting: _Fitting) -> tuple[Tiling, ContourMap, tuple[str, ...]]:

@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
-from generated_mountains import mountain_contours
+import shapely
+from generated_mountains import mountain_contours, mountain_grid
 
 from recon.errors import BadOption
+from recon.geometry.contour_map import ContourMap, HeightGrid
 from recon.terrain.clipping import clip_to_box
+from recon.terrain.contouring import contour_grid
 from recon.terrain.evaluation import edge_angles, elevations
-from recon.terrain.pipeline import Terrain, terrain_surface
-from recon.terrain.sections import contours_at, islands_above, welded_triangles
+from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
+from recon.terrain.sections import contours_at, contours_with, islands_above, welded_triangles
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +77,43 @@ def test_a_box_ends_contours_on_its_sides():
 def test_a_box_beside_the_map_is_refused(box):
     with pytest.raises(BadOption, match="--clip"):
         clip_to_box(mountain_contours(2), np.array(box))
+
+
+def _terraced(interval: float) -> ContourMap:
+    """Contours of whole metres, level in places, so that the ground lies at a contour's height beside it too."""
+    grid = mountain_grid(4)
+    return contour_grid(HeightGrid(grid.x, grid.y, interval / 2 * np.round(grid.heights / (interval / 2))), interval)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.004, 0.37, 0.9])
+def test_nothing_above_a_base_dips_below_it(share):
+    contours = _terraced(10.0)
+    ground = terrain_surface(contours)
+    level = float(np.unique(contours.heights)[2] + 10.0 * share)
+    more, _ = contours_with(contours, ground, level)
+    cut = terrain_surface(more, TerrainOptions(tolerance=ground.tolerance), floor=level)
+    islands = islands_above(cut, level)
+    assert islands
+    for island in islands:
+        points, faces = welded_triangles(island, steps=16)
+        assert points[np.unique(faces), 2].min() > level - 1e-6
+    assert np.degrees(edge_angles(cut).max()) < 1e-6
+
+
+def test_a_contour_near_the_base_is_taken_to_lie_at_it(ground):
+    contours = mountain_contours(1)
+    level = float(contours.heights[0]) + 0.05
+    more, told = contours_with(contours, ground, level)
+    assert (more.heights == level).sum() == (contours.heights == contours.heights[0]).sum()
+    assert len(told) == 1
+
+
+def test_contours_beside_a_new_one_give_way_to_the_grounds_own(ground):
+    contours = mountain_contours(1)
+    level = float(np.median(contours.heights)) + 0.15
+    more, told = contours_with(contours, ground, level)
+    lines = [shapely.LineString(line) for line in more.lines]
+    first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
+    assert (first == second).all()
+    assert not told
+    assert set(np.unique(more.heights)) == {*np.unique(contours.heights), level}
