@@ -35,11 +35,11 @@ from recon.terrain.limiter import limited_jets
 from recon.terrain.merging import Folds, PatchLayout, merged_layout, ruled_folds, triangle_layout
 from recon.terrain.patch_group import PatchGroup
 from recon.terrain.patches import patch_nets
-from recon.terrain.resampling import ContourSamples, contour_samples, fit_contours, point_spacing
+from recon.terrain.resampling import ContourFits, ContourSamples, contour_samples, point_spacing
 from recon.terrain.second_derivatives import VertexJets, contour_frames, vertex_jets
 from recon.terrain.slopes import VertexSlopes, vertex_slopes
 from recon.terrain.spot_heights import spots_beside_contours, spots_off_strips
-from recon.terrain.tiling import ALONG, NO_SEGMENT, CurvesMeet, Frame, Tiling, tile, with_free_vertices
+from recon.terrain.tiling import ALONG, NO_SEGMENT, CurvesMeet, Frame, Tiling, middles, tile, with_free_vertices
 
 __all__ = ["PatchKind", "Terrain", "TerrainOptions", "terrain_surface"]
 
@@ -183,7 +183,8 @@ class _Fitting:
         return contour_samples(contours, self.border.spacing, self.border.line_ends(contours))
 
     def frame(self, contours: ContourMap) -> Frame:
-        return Frame(contours, BORDER_STEP * self.border.spacing, self.border.free_points)
+        base = None if self.floor is None else self.floor.height
+        return Frame(contours, BORDER_STEP * self.border.spacing, self.border.free_points, base)
 
     def patches(self, tiling: Tiling, layout: PatchLayout) -> Callable[[VertexJets, Ints | None], Sequence[PatchGroup]]:
         if self.options.patches is PatchKind.GREGORY:
@@ -295,11 +296,11 @@ def _tiled(contours: ContourMap, fitting: _Fitting) -> tuple[Tiling, ContourMap,
     Where that does not help, rings that the spacing of the points cannot tell from noise are left out and named.
     """
     tight, tolerance, origin = np.empty((0, 2)), fitting.tolerance, fitting.border.origin
-    samples = fitting.samples(contours)
+    fits, spacing = ContourFits(fitting.samples(contours)), fitting.border.spacing
     left_out: list[Floats] = []
     for attempt in range(REFITS):
         allowed = tolerance * 0.5 ** max(attempt - TIGHTENINGS, 0)  # crowded maps: tighter everywhere
-        curves, tight = _within_border(samples, contours, allowed, tight)
+        curves, tight = _within_border(fits, contours, allowed, tight)
         try:
             frame = fitting.frame(contours)
             tiling, free = with_free_vertices(curves, frame)
@@ -309,23 +310,23 @@ def _tiled(contours: ContourMap, fitting: _Fitting) -> tuple[Tiling, ContourMap,
             if attempt == REFITS - 1:
                 raise CurvesMeet(meeting.places, meeting.height, origin) from meeting
             tight = np.vstack([tight, meeting.places])
-            small = _small_rings(contours, meeting.places, samples.spacing)
+            small = _small_rings(contours, meeting.places, spacing)
             if attempt >= PATIENCE and small.any() and not small.all():
                 left_out += [contours.lines[i][0] for i in np.flatnonzero(small).tolist()]
                 contours = _part(contours, ~small)
-                samples = fitting.samples(contours)
+                fits = ContourFits(fitting.samples(contours))
     raise AssertionError("the loop returns or raises")
 
 
 def _within_border(
-    samples: ContourSamples, contours: ContourMap, allowed: float, tight: Floats
+    fits: ContourFits, contours: ContourMap, allowed: float, tight: Floats
 ) -> tuple[ContourCurves, Floats]:
     """The curves, fitted again with less room where they leave the map, and all places (n, 2) that had less.
 
     A tiling would find these out too, after far more work, and only those in its way.
     """
     for _ in range(LEAVINGS):
-        curves = _supple(fit_contours(samples, allowed, tight), allowed)
+        curves = _supple(fits.curves(allowed, tight), allowed)
         left = _beyond_border(curves, contours)
         if not len(left):
             break
@@ -389,18 +390,20 @@ def _unfolded(tiling: Tiling, frame: Frame, free: Floats, grid: tuple[float, Flo
     for _ in range(UNFOLDINGS):
         layout = triangle_layout(tiling)
         folded = folds(tiling, layout)
-        flat = tiling.flat_triangles()
-        if not folded.any() and not flat.any():
+        flat, level = tiling.flat_triangles(), tiling.level_edges(frame.base)
+        if not folded.any() and not flat.any() and not level.any():
             return tiling
         segments = tiling.edge_segment[layout.side_edges[folded, 0]]
         chosen = np.zeros(len(tiling.curves.bezier), dtype=bool)
         chosen[segments[segments >= 0]] = True
         new = tiling.points[tiling.triangles[flat]].mean(axis=1)
-        free = np.vstack([free, new])
+        free = np.vstack([free, new, middles(tiling, level)])
         b = tiling.curves.bezier
         small = chosen & ~tiling.curves.straight & (np.linalg.norm(b[:, 3] - b[:, 0], axis=1) < tiny)
         small &= tiling.curves.may_straighten()
         tiling = tile(tiling.curves.straightened(small).split(chosen & ~small), frame, free)
+    if not folded.any() and not flat.any():
+        return tiling
     where = tiling.points[layout.corners[folded | flat, 0]][0] + origin
     raise BadGeometry(
         "contours", f"{int(folded.sum())} patches stay folded, the first near ({where[0]:.1f}, {where[1]:.1f})"

@@ -8,6 +8,7 @@ same one, is so near that the two curves could meet.
 Paper  [zhang2006], section 3 (1), where the samples are even; here they follow the tolerance.
 """
 
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -20,7 +21,7 @@ from recon.geometry.contour_map import ContourMap
 from recon.numerics.smoothing_spline import bezier_segments, fitted_coefficients, fitted_knots, worst_misses
 from recon.terrain.contour_curves import ContourCurves, segments_of
 
-__all__ = ["ContourSamples", "contour_samples", "fit_contours", "point_spacing"]
+__all__ = ["ContourFits", "ContourSamples", "contour_samples", "fit_contours", "point_spacing"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -80,12 +81,43 @@ def fit_contours(samples: ContourSamples, tolerance: float, tight: Floats | None
     Promises  ends of open contours are kept exactly; closed contours close with continuous curvature.
     Paper     [zhang2006], section 3 (1).
     """
+    return ContourFits(samples).curves(tolerance, tight)
+
+
+class ContourFits:
+    """Fits of the same contours, one after another: a spline whose points may miss what they might before is kept."""
+
+    def __init__(self, samples: ContourSamples) -> None:
+        self._samples = samples
+        self._known: dict[int, tuple[Floats, float, _Spline]] = {}
+
+    def curves(self, tolerance: float, tight: Floats | None = None) -> ContourCurves:
+        """As `fit_contours`."""
+        splines = self._splines(_allowed(self._samples, tolerance, tight))
+        return _pliant(splines, self._samples, tolerance)
+
+    def _splines(self, allowed: Floats) -> "list[_Spline]":
+        narrow = allowed.max() / 2  # in narrow places the chord length keeps the curve in order
+        splines = []
+        for c, row in enumerate(slice(a, b) for a, b in pairwise(self._samples.first.tolist())):
+            known = self._known.get(c)
+            if known is None or known[1] != narrow or not np.array_equal(known[0], allowed[row]):
+                known = allowed[row], narrow, _Spline.of(self._samples, c, row, (allowed, narrow))
+                self._known[c] = known
+            splines.append(known[2].again())
+        return splines
+
+
+def _allowed(samples: ContourSamples, tolerance: float, tight: Floats | None) -> Floats:
+    """(m,) metres that a curve may miss each sample by."""
     allowed = np.clip(ROOM * samples.room, LEAST * tolerance, tolerance)
     if tight is not None and len(tight):
         allowed = _tightened(samples, allowed, tight)
-    narrow = allowed.max() / 2  # in narrow places the chord length keeps the curve in order
-    rows = [slice(a, b) for a, b in pairwise(samples.first.tolist())]
-    splines = [_Spline.of(samples, c, row, (allowed, narrow)) for c, row in enumerate(rows)]
+    return allowed
+
+
+def _pliant(splines: "list[_Spline]", samples: ContourSamples, tolerance: float) -> ContourCurves:
+    """The segments of splines that are made stiffer, within a tolerance, where they have kinks."""
     curves = _segments(splines, samples)
     for _ in range(SMOOTHINGS - 1):
         kinked = (curves.turning() > SHARPEST) | (curves.lengths() < SLOWEST * curves.span)
@@ -120,6 +152,12 @@ class _Spline:
         rows = points, weight, parameter, allowed, fixed
         knots, parameter = fitted_knots(rows, knots, ring, STIFFNESS, SHORTEST, ends)
         return cls((points, weight, parameter), knots, ring, fixed, ends)
+
+    def again(self) -> "_Spline":
+        """The same spline, to be made stiffer on its own."""
+        other = copy(self)
+        other._stiffness = self._stiffness.copy()
+        return other
 
     def _fit(self) -> None:
         self.coefficients = fitted_coefficients(

@@ -27,6 +27,7 @@ Ints = NDArray[np.int64]
 CELLS = 4  # of a patch in either direction
 INSIDE = np.array([0.25, 0.5, 0.75])
 SAME = 0.01  # of the interval: contours so near to a height are taken to lie at it
+BESIDE = 0.25  # of the tolerance: nearer to the border a new contour does not run, it ends there
 OWN = 2.0  # tolerances within which all of a curve of the ground lies from the contour that it follows
 
 
@@ -83,11 +84,30 @@ def contours_with(contours: ContourMap, ground: Terrain, height: float) -> tuple
     if abs(nearest - height) <= SAME * contours.interval():
         moved = contours.with_lines(contours.lines, np.where(contours.heights == nearest, height, contours.heights))
         return moved, () if nearest == height else (f"The contours at {nearest:g} m are taken to lie at {height:g} m.",)
-    added = contours_at(ground, [height])
+    found = contours_at(ground, [height])
+    added = None if found is None else _off_border(contours, found, BESIDE * ground.tolerance)
     if added is None:
         return contours, ()
     lines, heights = _clear_of(contours, added, ground)
     return contours.with_lines([*lines, *added.lines], [*heights, *added.heights.tolist()]), ()
+
+
+def _off_border(contours: ContourMap, found: ContourMap, reach: float) -> ContourMap | None:
+    """Contours without their parts within reach of the border, the rest ended there; None where nothing is left."""
+    border = shapely.MultiLineString([contours.outline, *contours.voids])
+    beside = border.buffer(reach)
+    lines, heights = [], []
+    for line, height in zip(found.lines, found.heights.tolist()):
+        away = shapely.line_merge(shapely.difference(shapely.LineString(line), beside))
+        for part in shapely.get_parts(away):
+            points = shapely.get_coordinates(part)
+            if (points[0] != points[-1]).any():
+                feet = shapely.get_coordinates(shapely.shortest_line(border, shapely.points(points[[0, -1]])))[::2]
+                points = np.vstack([feet[:1], points, feet[1:]])
+            if len(points) > 2:
+                lines.append(points)
+                heights.append(height)
+    return found.with_lines(lines, heights) if lines else None
 
 
 def _clear_of(contours: ContourMap, added: ContourMap, ground: Terrain) -> tuple[list[Floats], list[float]]:

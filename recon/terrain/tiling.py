@@ -22,7 +22,7 @@ from recon.geometry.contour_map import ContourMap
 from recon.numerics.bernstein import bernstein
 from recon.terrain.contour_curves import ContourCurves
 
-__all__ = ["ALONG", "CurvesMeet", "Frame", "NO_SEGMENT", "Tiling", "tile", "with_free_vertices"]
+__all__ = ["ALONG", "CurvesMeet", "Frame", "NO_SEGMENT", "Tiling", "middles", "tile", "with_free_vertices"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,11 +40,14 @@ class Frame:
 
     border_step  metres between free vertices on the border, at most
     border       (n, 2) free vertices on the border that are given, beside those that are put there
+    base         height at which no edge but those of contours may join two vertices, since a base lies there: its
+                 triangles might have the same edge
     """
 
     contours: ContourMap
     border_step: float
     border: Floats
+    base: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +91,12 @@ class Tiling:
         """(E,) whether an edge joins two vertices of one known height without being a contour edge."""
         z = self.vertex_heights()[self.edges]
         return (z[:, 0] == z[:, 1]) & ~self.is_contour
+
+    def level_edges(self, height: float | None) -> NDArray[np.bool_]:
+        """(E,) flat edges at a height; none where that is None."""
+        if height is None:
+            return np.zeros(len(self.edges), dtype=bool)
+        return self.flat_edges() & (self.vertex_heights()[self.edges[:, 0]] == height)
 
     def flat_triangles(self) -> NDArray[np.bool_]:
         """(F,) whether all three corners have one known height."""
@@ -312,22 +321,25 @@ def _tiling(curves: ContourCurves, points: Floats, triangles: Ints, spots: Float
 def with_free_vertices(curves: ContourCurves, frame: Frame) -> tuple[Tiling, Floats]:
     """The tiling with free vertices wherever it would be flat, and those of them that lie off the border's own (n, 2).
 
-    Promises  no triangle has three contour vertices of one height for its corners.
+    Promises  no triangle has three contour vertices of one height for its corners; no edge lies level at the base, or
+              twelve rounds did not help.
     Raises    CurvesMeet as `tile`; BadGeometry when the map stays flat.
     """
     free = np.empty((0, 2))
     for turn in range(FLAT_ROUNDS):
         tiling = tile(curves, frame, free)
         curves = tiling.curves
-        flat = tiling.flat_triangles()
-        if turn >= FREE_ROUNDS and not flat.any():
+        flat, level = tiling.flat_triangles(), tiling.level_edges(frame.base)
+        if turn >= FREE_ROUNDS and not flat.any() and not level.any():
             return tiling, free
-        new = _middles(tiling, tiling.flat_edges() if turn < FREE_ROUNDS else _edges_of(tiling, flat))
+        new = middles(tiling, tiling.flat_edges() if turn < FREE_ROUNDS else _edges_of(tiling, flat) | level)
         caps = tiling.triangles[flat & (tiling.contour_sides() == 3)]
         new = np.vstack([new, tiling.points[caps].mean(axis=1)])
         if not len(new):
             return tiling, free
         free = np.unique(np.vstack([free, new]), axis=0)
+    if not flat.any():
+        return tiling, free
     raise BadGeometry("contours", f"{int(flat.sum())} triangles of the map stay flat")
 
 
@@ -337,7 +349,7 @@ def _edges_of(tiling: Tiling, faces: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return chosen & tiling.flat_edges()
 
 
-def _middles(tiling: Tiling, chosen: NDArray[np.bool_]) -> Floats:
+def middles(tiling: Tiling, chosen: NDArray[np.bool_]) -> Floats:
     """Midpoints of chosen edges, the longest first, at most one for every triangle."""
     ends = tiling.points[tiling.edges]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)

@@ -15,7 +15,7 @@ from recon.terrain.evaluation import contour_distances, elevations, sampled_tria
 from recon.terrain.merging import ruled_folds
 from recon.terrain.network import terrain_network
 from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
-from recon.terrain.resampling import fit_contours
+from recon.terrain.resampling import ContourFits
 from recon.terrain.tiling import with_free_vertices
 
 SEEDS = (1, 2, 4)
@@ -148,20 +148,21 @@ def test_a_contour_that_only_touches_on_the_border_cuts_no_ground_off():
 def test_curves_that_leave_the_map_are_fitted_again_before_they_are_tiled(monkeypatch):
     told, tried = [], []
 
-    def astray_once(samples, allowed, tight):
-        curves = fit_contours(samples, allowed, tight)
-        told.append(tight)
-        if len(told) > 1:
-            return curves
-        bezier = curves.bezier.copy()
-        bezier[0, 1:3, 0] = 305.0  # from the middle of the map: beyond its eastern border
-        return replace(curves, bezier=bezier)
+    class AstrayOnce(ContourFits):
+        def curves(self, tolerance, tight=None):
+            curves = super().curves(tolerance, tight)
+            told.append(tight)
+            if len(told) > 1:
+                return curves
+            bezier = curves.bezier.copy()
+            bezier[0, 1:3, 0] = 305.0  # from the middle of the map: beyond its eastern border
+            return replace(curves, bezier=bezier)
 
     def counted(*arguments):
         tried.append(arguments)
         return with_free_vertices(*arguments)
 
-    monkeypatch.setattr(pipeline, "fit_contours", astray_once)
+    monkeypatch.setattr(pipeline, "ContourFits", AstrayOnce)
     monkeypatch.setattr(pipeline, "with_free_vertices", counted)
     beside = np.column_stack([np.full(60, 597.0), np.linspace(5.0, 595.0, 60)])
     middle = np.column_stack([np.linspace(0.0, 600.0, 60), np.full(60, 300.0)])[:50]
