@@ -1,7 +1,7 @@
 """Contour lines to a mountain: how near, how many faces, how fast, beside other interpolations of the same contours.
 
 python benchmarks/terrain.py            heights and contours halfway, all methods, one run
-python benchmarks/terrain.py --growth   seconds and memory against the number of contour points
+python benchmarks/terrain.py --growth   seconds and memory against the number of contour points, and a plot of them
 
 Mountains: generated ones, and the real ones where they lie beside the checkout. Errors are root mean squares in metres
 against the grid that was contoured, at those of its places that the triangulation of the contour points covers.
@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import (
@@ -35,6 +36,8 @@ Floats = NDArray[np.float64]
 Heights = Callable[[Floats], Floats]
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "terrain"
+PLOT = Path(__file__).parents[1] / "docs" / "measured" / "terrain_growth.png"
+CELL = 10.0  # metres
 NEIGHBOURS = 50  # of the radial basis functions
 
 
@@ -143,16 +146,43 @@ def compared(name: str, grid: HeightGrid, interval: float) -> None:
 
 
 def growth() -> None:
-    table = Table(
-        {"points": "9,", "patches": "9,", "seconds": "8.1f", "seconds per 100,000": "8.1f", "MiB so far": "8,.0f"}
-    )
-    for n in (100, 200, 400, 800, 1600, 3000):
-        contours = contour_grid(fractal_mountain(n, 10.0, 3, 2.6), 0.1 * n * 10.0 / (0.6 * n / 10))
-        begin = time.process_time()
-        ground = terrain_surface(contours)
-        seconds = time.process_time() - begin
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        table.row(contours.n_points, ground.n_patches, seconds, seconds / contours.n_points * 1e5, peak)
+    """Contours of smooth ground far apart, and of rough ground near each other, in larger and larger maps."""
+    kinds = {"sparse": (2.6, 16.67, (100, 200, 400, 800, 1600, 3000)), "dense": (2.2, 10.0, (150, 300, 600, 1200, 2050))}
+    seen: dict[str, list[tuple[int, float]]] = {}
+    for kind, (roughness, interval, sizes) in kinds.items():
+        table = Table(
+            {kind: "9,", "patches": "9,", "seconds": "8.1f", "seconds per 100,000": "8.1f", "MiB so far": "8,.0f"}
+        )
+        for n in sizes:
+            contours = contour_grid(fractal_mountain(n, CELL, 3, roughness), interval)
+            begin = time.process_time()
+            ground = terrain_surface(contours)
+            seconds = time.process_time() - begin
+            seen.setdefault(kind, []).append((contours.n_points, seconds))
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+            table.row(contours.n_points, ground.n_patches, seconds, seconds / contours.n_points * 1e5, peak)
+        print(f"\n{kind}: seconds grow with the power {exponent(seen[kind]):.2f} of the points\n")
+    draw_growth(seen)
+
+
+def exponent(rows: list[tuple[int, float]]) -> float:
+    """Slope of the line that fits best in logarithms, over maps of more than 20,000 points."""
+    points, seconds = np.log([row for row in rows if row[0] > 20_000]).T
+    return float(np.polyfit(points, seconds, 1)[0])
+
+
+def draw_growth(seen: dict[str, list[tuple[int, float]]]) -> None:
+    """Points against seconds of every kind of map, into the folder of measured figures."""
+    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
+    panel = figure.subplots()
+    for kind, rows in seen.items():
+        panel.loglog(*np.transpose(rows), "o-", label=f"{kind} contours, power {exponent(rows):.2f}")
+    ends = np.array([1e4, 1.2e6])
+    panel.loglog(ends, 5e-5 * ends, "k--", linewidth=0.7, label="linear")
+    panel.set_xlabel("contour points")
+    panel.set_ylabel("seconds of one processor")
+    panel.legend()
+    figure.savefig(PLOT, dpi=110)
 
 
 def main() -> None:

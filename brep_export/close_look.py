@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS_Compound, TopoDS_Face
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from brep_export.triangulation import ShapeTriangulation, triangulate
 from recon.geometry.promises import cutting_pairs
@@ -21,24 +23,32 @@ def cut_faces_still_cut(coarse: ShapeTriangulation, faces: Sequence[TopoDS_Face]
 
     At every fineness the chord of a curved edge may pass an inner node of a narrow face; what cuts in truth cuts at all
     of them, so that only those faces are looked at again that still cut. The angle stays: a smaller one brings nodes
-    inside, nearer to the edges than their chords are.
+    inside, nearer to the edges than their chords are. Faces that cut each other are looked at as a group, one group
+    after another: memory is that of the largest.
 
     coarse  triangles of the shape; `triangle_face` counts the faces as given, which are in the order of a walk
     """
-    triangles, numbers = coarse, list(range(len(faces)))
-    for times in FINER:
-        cutting = _cutting(triangles)
-        if not cutting or GROWTH * int(np.isin(triangles.triangle_face, cutting).sum()) > MOST:
-            return bool(cutting)
-        numbers = [numbers[number] for number in cutting]
-        triangles = triangulate(_alone([faces[number] for number in numbers]), deflection / times)
-    return bool(_cutting(triangles))
+    waiting = [(0, *group) for group in _groups(coarse)]
+    while waiting:
+        times, numbers, count = waiting.pop()
+        if times == len(FINER) or GROWTH * count > MOST:
+            return True
+        triangles = triangulate(_alone([faces[number] for number in numbers]), deflection / FINER[times])
+        waiting += [(times + 1, [numbers[number] for number in group], count) for group, count in _groups(triangles)]
+    return False
 
 
-def _cutting(triangles: ShapeTriangulation) -> list[int]:
-    """Faces with triangles that cut others."""
-    found: list[int] = np.unique(triangles.triangle_face[cutting_pairs(triangles.mesh)]).tolist()
-    return found
+def _groups(triangles: ShapeTriangulation) -> list[tuple[list[int], int]]:
+    """Faces with triangles that cut each other, by what they cut, and how many triangles they have together."""
+    pairs = triangles.triangle_face[cutting_pairs(triangles.mesh)]
+    cutting, place = np.unique(pairs, return_inverse=True)
+    first, second = place.reshape(-1, 2).T
+    n = len(cutting)
+    n_groups, group = connected_components(
+        coo_array((np.ones(len(first)), (first, second)), shape=(n, n)), directed=False
+    )
+    sizes = np.bincount(triangles.triangle_face, minlength=int(cutting.max(initial=0)) + 1)[cutting]
+    return [(cutting[group == g].tolist(), int(sizes[group == g].sum())) for g in range(n_groups)]
 
 
 def _alone(faces: Sequence[TopoDS_Face]) -> TopoDS_Compound:
