@@ -147,7 +147,10 @@ def compared(name: str, grid: HeightGrid, interval: float) -> None:
 
 def growth() -> None:
     """Contours of smooth ground far apart, and of rough ground near each other, in larger and larger maps."""
-    kinds = {"sparse": (2.6, 16.67, (100, 200, 400, 800, 1600, 3000)), "dense": (2.2, 10.0, (150, 300, 600, 1200, 2050))}
+    kinds = {
+        "sparse": (2.6, 16.67, (100, 200, 400, 800, 1600, 3000)),
+        "dense": (2.2, 10.0, (150, 300, 600, 1200, 2050)),
+    }
     seen: dict[str, list[tuple[int, float]]] = {}
     for kind, (roughness, interval, sizes) in kinds.items():
         table = Table(
