@@ -233,8 +233,12 @@ def edge_angles(seen: Survey, n: int = 7) -> EdgeAngles:
     sine = np.linalg.norm(_cross(one, other), axis=2)
     cosine = np.einsum("eij,eij->ei", one, other)
     angles = np.where((sine > 0.0) | (cosine != 0.0), np.arctan2(sine, cosine), 0.0)
-    smooth = [_is_smooth(uses.edges[uses.edge[a]], uses.faces[uses.face[a]], uses.faces[uses.face[b]]) for a, b in rows]
-    return EdgeAngles(uses.edge[rows[:, 0]], angles.max(axis=1), np.array(smooth))
+    # two planes are never smooth where they meet; the reader takes those for it that meet at under 0.57 degrees
+    smooth = ~seen.planes.flat[uses.face[rows]].all(axis=1)
+    for row in np.flatnonzero(smooth).tolist():
+        a, b = rows[row]
+        smooth[row] = _is_smooth(uses.edges[uses.edge[a]], uses.faces[uses.face[a]], uses.faces[uses.face[b]])
+    return EdgeAngles(uses.edge[rows[:, 0]], angles.max(axis=1), smooth)
 
 
 def _use_normals(seen: Survey, rows: NDArray[np.int64], n: int) -> Floats:

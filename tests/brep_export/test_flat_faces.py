@@ -104,3 +104,25 @@ def test_what_is_read_without_mending_is_sound(block, tmp_path):
     assert survey(read_cad(path, healed=False)).planes.all()
     assert check(read_cad(path, healed=False), Tolerance()).passed
     assert measure(read_cad(path)).volume == pytest.approx(measure(shape).volume, rel=1e-12)
+
+
+@pytest.mark.parametrize("healed", [True, False])
+def test_planes_that_meet_at_a_small_angle_pass_when_they_are_read_again(tmp_path, healed):
+    """The kernel's reader calls edges smooth along which planes meet at less than a hundredth of a radian."""
+    n = 12
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, n), np.linspace(-1.0, 1.0, n), indexing="ij")
+    top = np.stack([x, y, 0.5 - 0.02 * (x**2 + y**2)], axis=-1).reshape(-1, 3)
+    floor = top * [1.0, 1.0, 0.0]
+    cell = np.array(
+        [(i * n + j, i * n + n + j, i * n + n + j + 1, i * n + j + 1) for i in range(11) for j in range(11)]
+    )
+    up = np.concatenate([cell[:, [0, 1, 2]], cell[:, [0, 2, 3]]])
+    sides = [(a, b) for a, b in {tuple(e) for t in up for e in ((t[0], t[1]), (t[1], t[2]), (t[2], t[0]))}]
+    border = np.array([(a, b) for a, b in sides if (b, a) not in set(sides)])
+    low = border + n * n
+    walls = np.concatenate([np.c_[border[:, ::-1], low[:, 0]], np.c_[border[:, 1], low]])
+    mesh = TriangleMesh(np.concatenate([top, floor]), np.concatenate([up, up[:, ::-1] + n * n, walls]))
+    polyhedron = merge_coplanar(mesh, 1e-9)
+    write_faceted_step(polyhedron, tmp_path / "roof.step", measures=measure(polyhedron_solid(polyhedron)))
+    report = check(read_cad(tmp_path / "roof.step", healed=healed), Tolerance())
+    assert report.passed, [str(defect) for defect in report.defects]
