@@ -234,7 +234,7 @@ def edge_angles(seen: Survey, n: int = 7) -> EdgeAngles:
     cosine = np.einsum("eij,eij->ei", one, other)
     angles = np.where((sine > 0.0) | (cosine != 0.0), np.arctan2(sine, cosine), 0.0)
     # two planes are never smooth where they meet; the reader takes those for it that meet at under 0.57 degrees
-    smooth = ~seen.planes.flat[uses.face[rows]].all(axis=1)
+    smooth = np.array(~seen.planes.flat[uses.face[rows]].all(axis=1))
     for row in np.flatnonzero(smooth).tolist():
         a, b = rows[row]
         smooth[row] = _is_smooth(uses.edges[uses.edge[a]], uses.faces[uses.face[a]], uses.faces[uses.face[b]])
