@@ -29,6 +29,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 ON_SIDE = 1e-12  # how far inside a place on a side may seem
+OFF = 0.15  # of a crease's edge off the sharp edges of the scan: it is none of these
 SHARES = (0.25, 0.75)  # of a border side, where it is sampled
 
 
@@ -59,6 +60,18 @@ class Borders:
         nowhere = np.empty((len(patch), 3))
         self._places, self._groups = Feet(patch, v, w, nowhere, nowhere), (is_border, ~is_border)
         self._to_places: sparse.csr_array = basis_rows(patches, self._places).matrix(mesh.n_vertices)
+        if self._trees[1] is not None:
+            self._leave_out_slits(mesh)
+
+    def _leave_out_slits(self, mesh: ControlMesh) -> None:
+        """Samples of creases that are far from the sharp edges of the scan, as those that divide a corner are."""
+        tree, (is_border, on_crease) = self._trees[1], self._groups
+        ends = mesh.vertices[mesh.crease_edges]
+        edge = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))) if len(ends) else 0.0
+        places = self._to_places @ mesh.vertices
+        kept = is_border | (tree.closest(places).distances < OFF * edge)
+        self._places, self._to_places = self._places.chosen(np.flatnonzero(kept)), self._to_places[kept]
+        self._groups = (is_border[kept], on_crease[kept])
 
     def pull(self, control_points: Floats) -> BorderPull:
         """Where the samples are, and where they should come to."""

@@ -21,10 +21,10 @@ from recon.geometric_fit.sharpening import SharpScan
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree
-from recon.numerics.halfedges import edge_table, free_edges
+from recon.numerics.halfedges import edge_table
 from recon.numerics.rows import unit_vectors
 
-__all__ = ["n_loose_ends", "with_creases", "without_loose_ends"]
+__all__ = ["n_loose_ends", "with_creases"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -82,18 +82,6 @@ def _once_along_slivers(mesh: ControlMesh, edges: Ints) -> Ints:
 def n_loose_ends(mesh: ControlMesh) -> int:
     """How many vertices one crease alone leads to: many where the creases are ragged."""
     return int((np.bincount(mesh.crease_edges.ravel()) == 1).sum())
-
-
-def without_loose_ends(mesh: ControlMesh) -> ControlMesh:
-    """The mesh without creases that end inside the surface, which not every scheme has a limit for."""
-    creases, n = mesh.crease_edges, mesh.n_vertices
-    on_border = np.bincount(free_edges(mesh.triangle_mesh().face_vertices).ravel(), minlength=n) > 0
-    while len(creases):
-        loose = (np.bincount(creases.ravel(), minlength=n) == 1) & ~on_border
-        if not loose.any():
-            break
-        creases = creases[~loose[creases].any(axis=1)]
-    return ControlMesh(mesh.vertices, mesh.face_corners, mesh.face_starts, creases, mesh.corner_vertices)
 
 
 def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: Floats) -> Floats:

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from recon.errors import BadGeometry, NoSurface
 from recon.geometric_fit.borders import Borders
 from recon.geometric_fit.convergence import StoppedBy, norms
-from recon.geometric_fit.creases import n_loose_ends, with_creases, without_loose_ends
+from recon.geometric_fit.creases import n_loose_ends, with_creases
 from recon.geometric_fit.crossings import without_crossings
 from recon.geometric_fit.exact_distances import Seen, exact_distances, seen
 from recon.geometric_fit.foot_points import Feet, Places, seed_feet, surface_samples
@@ -38,9 +38,10 @@ from recon.geometric_fit.sampling import Sample, joined_by, sample_of
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
 from recon.geometric_fit.settling import Ground, Rounds
 from recon.geometric_fit.sharpening import SharpScan, sharpened
+from recon.geometric_fit.slits import with_slits
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
-from recon.subdivision.limit_surface import Scheme, limit_patches
+from recon.subdivision.limit_surface import Scheme, limit_patches, limit_points
 
 __all__ = ["FitOptions", "FittedSurface", "fit_surface"]
 
@@ -205,13 +206,21 @@ class _Fit:
         if self._options.scheme is Scheme.LOOP:
             return self._triangles(self._first_count())
         triangles = self._triangles if self._options.plain else self._fitted_triangles
-        if self._options.scheme is Scheme.CATMULL_CLARK:
-            return initial_quads(triangles, self._first_count(), evened=self._evened)
-        return initial_quads(lambda n: without_loose_ends(triangles(n)), self._first_count(), evened=self._evened)
+        quads = initial_quads(triangles, self._first_count(), evened=self._evened)
+        slit = self._slit(quads)
+        return slit if slit.n_vertices <= self._limit else quads
 
     def _evened(self, quads: ControlMesh) -> ControlMesh:
         """Even valences, and even spacing between sharp edges."""
-        return relaxed(quads, self._sharp.mesh) if len(quads.crease_edges) else turned_to_even_valences(quads)
+        if not len(quads.crease_edges):
+            return turned_to_even_valences(quads)
+        return relaxed(quads, self._sharp.mesh)
+
+    def _slit(self, quads: ControlMesh) -> ControlMesh:
+        """The mesh as Doo-Sabin's scheme needs it at concave corners."""
+        if self._options.scheme is not Scheme.DOO_SABIN or not len(quads.crease_edges):
+            return quads
+        return with_slits(quads)
 
     def _triangles(self, count: int) -> ControlMesh:
         """The scan simplified, its sharp edges marked, valences evened out."""
@@ -248,7 +257,7 @@ class _Fit:
         """The control mesh of a Loop surface: its points are where the error was, its valences even."""
         angle, robust = self._options.crease_angle, self._options.robust
         options = FitOptions(control_points=count, crease_angle=angle, robust=robust)
-        return _Fit(self._whole, options, self._doing).run().mesh
+        return _on_its_surface(_Fit(self._whole, options, self._doing).run().mesh)
 
     def _first_count(self) -> int:
         if self._options.plain:
@@ -269,7 +278,7 @@ class _Fit:
         n_new = self._growth.more(mesh.n_vertices, cycle)
         worst = self._worst_faces(mesh, found, n_new)
         if self._options.scheme is not Scheme.LOOP:
-            return self._ground(turned_to_even_valences(refine_quads(mesh, worst, n_new)))
+            return self._ground(self._refined_quads(mesh, worst, n_new))
         split = split_faces(mesh, worst, n_new)
         flipped = self._ground(_flipped(split))
         n_folded = flipped.n_folded()
@@ -283,6 +292,18 @@ class _Fit:
             return plain
         del plain
         return self._ground(mesh)
+
+    def _refined_quads(self, mesh: ControlMesh, worst: Ints, n_new: int) -> ControlMesh:
+        """The same of quadrilaterals; less where corners that have become concave need points, too."""
+        most, room = mesh.n_vertices + n_new, n_new
+        while True:
+            even = turned_to_even_valences(refine_quads(mesh, worst, room))
+            slit = self._slit(even)
+            if slit.n_vertices <= most:
+                return slit
+            if slit.n_vertices - most >= room:
+                return even
+            room -= slit.n_vertices - most
 
     def _worst_faces(self, mesh: ControlMesh, found: Seen, n_new: int) -> Ints:
         n = self._scan.n_measured
@@ -312,6 +333,16 @@ class _Fit:
             folds=folds,
             n_closed=self._n_closed,
         )
+
+
+def _on_its_surface(triangles: ControlMesh) -> ControlMesh:
+    """The mesh with every point on the Loop surface: control points beside a bend lie beyond it, for this scheme alone."""
+    faces = triangles.faces_of(3)
+    vertices, corner = np.unique(faces, return_index=True)
+    v, w = (np.where(corner % 3 == i, 1.0, 0.0) for i in (1, 2))
+    points = triangles.vertices.copy()
+    points[vertices] = limit_points(triangles, (corner // 3, v, w))[:, 0]
+    return triangles.with_vertices(points)
 
 
 def _flipped(mesh: ControlMesh) -> ControlMesh:
