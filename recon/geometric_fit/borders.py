@@ -19,6 +19,7 @@ from recon.geometric_fit.foot_points import ROUGH, Feet, walk_feet
 from recon.geometric_fit.scan_data import ScanData
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
+from recon.numerics.distance import TriangleTree
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches
 
@@ -60,14 +61,14 @@ class Borders:
         nowhere = np.empty((len(patch), 3))
         self._places, self._groups = Feet(patch, v, w, nowhere, nowhere), (is_border, ~is_border)
         self._to_places: sparse.csr_array = basis_rows(patches, self._places).matrix(mesh.n_vertices)
-        if self._trees[1] is not None:
-            self._leave_out_slits(mesh)
+        if len(scan.sharp_edges) and len(mesh.crease_edges):
+            self._leave_out_slits(mesh, scan.sharp_tree)
 
-    def _leave_out_slits(self, mesh: ControlMesh) -> None:
+    def _leave_out_slits(self, mesh: ControlMesh, tree: TriangleTree) -> None:
         """Samples of creases that are far from the sharp edges of the scan, as those that divide a corner are."""
-        tree, (is_border, on_crease) = self._trees[1], self._groups
+        is_border, on_crease = self._groups
         ends = mesh.vertices[mesh.crease_edges]
-        edge = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))) if len(ends) else 0.0
+        edge = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
         places = self._to_places @ mesh.vertices
         kept = is_border | (tree.closest(places).distances < OFF * edge)
         self._places, self._to_places = self._places.chosen(np.flatnonzero(kept)), self._to_places[kept]

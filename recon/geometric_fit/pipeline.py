@@ -23,6 +23,7 @@ from recon.geometric_fit.convergence import StoppedBy, norms
 from recon.geometric_fit.creases import n_loose_ends, with_creases
 from recon.geometric_fit.crossings import without_crossings
 from recon.geometric_fit.exact_distances import Seen, exact_distances, seen
+from recon.geometric_fit.folding import unfolded
 from recon.geometric_fit.foot_points import Feet, Places, seed_feet, surface_samples
 from recon.geometric_fit.growth import CYCLES, Growth
 from recon.geometric_fit.guards import Guards
@@ -47,6 +48,7 @@ __all__ = ["FitOptions", "FittedSurface", "fit_surface"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
 RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
@@ -89,24 +91,22 @@ def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[s
     """
     if options.crease_angle >= np.pi or options.start is not None:
         return _Fit(scan, options, doing).run()
-    sharp: FittedSurface | None = None
+    attempts: list[FittedSurface] = []
     for attempt in _fewer(options):
         run = _Fit(scan, attempt, doing)
         try:
             found = run.run()
         except BadGeometry:  # edges that lie so close to each other that no limit is defined between them
             break
-        if not len(found.mesh.crease_edges) or (run.has_edges_put_back and not found.folds):
+        if not run.has_creases or (run.has_edges_put_back and not found.folds):
             return found
-        sharp = sharp or found
+        attempts.append(found)
         if not run.has_edges_put_back:
             break
         doing("fitting again with fewer control points, as the surface folds at a sharp edge")
     doing("fitting again without sharp edges")
-    smooth = _Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run()
-    if sharp is None:
-        return smooth
-    return min((sharp, smooth), key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
+    attempts.append(_Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run())
+    return min(attempts, key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
 
 
 def _fewer(options: FitOptions) -> list[FitOptions]:
@@ -121,7 +121,12 @@ def _fewer(options: FitOptions) -> list[FitOptions]:
 
 
 class _Fit:
-    """One run: the scan, what has been reached, and the record."""
+    """One run: the scan, what has been reached, and the record.
+
+    has_creases  whether the control mesh began with sharp edges
+    """
+
+    has_creases = False
 
     def __init__(self, scan: TriangleMesh, options: FitOptions, doing: Callable[[str], None]) -> None:
         self._options, self._doing = options, doing
@@ -151,6 +156,7 @@ class _Fit:
         start: Places | None = seeds.chosen(sample.at)
         del seeds  # of a scan of millions of points all room counts
         stopped, cycle, last, grows = None, 0, None, not self._options.plain
+        unfolded_mesh: ControlMesh | None = None
         while stopped is None:
             final = not grows or ground.mesh.n_vertices >= self._limit
             n_rounds = self._options.rounds if final else ROUNDS
@@ -168,6 +174,8 @@ class _Fit:
                 )
                 found = self._seen(ground, sample, feet)
                 del feet
+            if ground.n_folded() == 0:
+                unfolded_mesh = ground.mesh
             errors = norms(found.distances, self._scan.diagonal, self._scan.counts)
             stopped = self._growth.ended(errors, last, diagonal=self._scan.diagonal, final=final)
             if stopped is None:
@@ -178,6 +186,13 @@ class _Fit:
                 sample, weights = self._with_far(first, (sample, weights), found)
                 del found
                 start = None
+        if unfolded_mesh is not None and ground.n_folded():
+            self._doing("going back to fewer control points, as the surface folds with more")
+            del ground
+            ground, feet, weights = self._rounds.settled(
+                self._ground(unfolded_mesh), sample, weights, n_rounds=ROUNDS, start=None, reweighs=True
+            )
+            found = self._seen(ground, sample, feet)
         if self._options.start is not None:
             self._doing("looking for surface that cuts itself")
             ground = ground._replace(mesh=without_crossings(ground.mesh, ground.patches))
@@ -204,23 +219,22 @@ class _Fit:
         if self._options.start is not None:
             return self._options.start
         if self._options.scheme is Scheme.LOOP:
-            return self._triangles(self._first_count())
+            mesh = self._triangles(self._first_count())
+            self.has_creases = len(mesh.crease_edges) > 0
+            return mesh
         triangles = self._triangles if self._options.plain else self._fitted_triangles
         quads = initial_quads(triangles, self._first_count(), evened=self._evened)
+        self.has_creases = len(quads.crease_edges) > 0
         slit = self._slit(quads)
         return slit if slit.n_vertices <= self._limit else quads
 
     def _evened(self, quads: ControlMesh) -> ControlMesh:
         """Even valences, and even spacing between sharp edges."""
-        if not len(quads.crease_edges):
-            return turned_to_even_valences(quads)
-        return relaxed(quads, self._sharp.mesh)
+        return relaxed(quads, self._sharp.mesh) if len(quads.crease_edges) else turned_to_even_valences(quads)
 
     def _slit(self, quads: ControlMesh) -> ControlMesh:
         """The mesh as Doo-Sabin's scheme needs it at concave corners."""
-        if self._options.scheme is not Scheme.DOO_SABIN or not len(quads.crease_edges):
-            return quads
-        return with_slits(quads)
+        return with_slits(quads) if self._options.scheme is Scheme.DOO_SABIN else quads
 
     def _triangles(self, count: int) -> ControlMesh:
         """The scan simplified, its sharp edges marked, valences evened out."""
@@ -274,36 +288,53 @@ class _Fit:
         return Ground(mesh, patches, Guards(mesh, patches, self._scan), Borders(mesh, patches, self._scan))
 
     def _refined(self, mesh: ControlMesh, found: Seen, cycle: int) -> Ground:
-        """More control points where the error is, and even valences again."""
+        """More control points where the error is, and even valences again.
+
+        Where new points fold the surface for good, faces around are left as they are.
+        """
         n_new = self._growth.more(mesh.n_vertices, cycle)
         worst = self._worst_faces(mesh, found, n_new)
-        if self._options.scheme is not Scheme.LOOP:
-            return self._ground(self._refined_quads(mesh, worst, n_new))
-        split = split_faces(mesh, worst, n_new)
-        flipped = self._ground(_flipped(split))
+        ground = self._with_fewer_folds(*self._split(mesh, worst, n_new))
+        folded = _folded_for_good(ground)
+        if not folded.any():
+            return ground
+        around = np.isin(mesh.face_corners, np.flatnonzero(folded)).reshape(mesh.n_faces, -1).any(axis=1)
+        again = self._with_fewer_folds(*self._split(mesh, worst[np.logical_not(around[worst])], n_new))
+        return again if _folded_for_good(again).sum() < folded.sum() else ground
+
+    def _with_fewer_folds(self, split: ControlMesh, evened: ControlMesh) -> Ground:
+        """The second of these meshes, unless the surface folds more there.
+
+        Flips even the valences out, but may fold a surface that was smooth before.
+        """
+        flipped = self._ground(evened)
         n_folded = flipped.n_folded()
         if n_folded == 0:
             return flipped
-        # flips even the valences out, but may fold a surface that was smooth before
-        mesh = flipped.mesh
         del flipped
         plain = self._ground(split)
         if n_folded > plain.n_folded():
             return plain
         del plain
-        return self._ground(mesh)
+        return self._ground(evened)
 
-    def _refined_quads(self, mesh: ControlMesh, worst: Ints, n_new: int) -> ControlMesh:
-        """The same of quadrilaterals; less where corners that have become concave need points, too."""
-        most, room = mesh.n_vertices + n_new, n_new
+    def _split(self, mesh: ControlMesh, worst: Ints, n_new: int) -> tuple[ControlMesh, ControlMesh]:
+        """The worst faces split, by as many points as there are left when corners have become concave; and the same
+        with even valences."""
+        if self._options.scheme is Scheme.LOOP:
+            split = split_faces(mesh, worst, n_new)
+            return split, _flipped(split)
+        most = mesh.n_vertices + n_new
         while True:
-            even = turned_to_even_valences(refine_quads(mesh, worst, room))
-            slit = self._slit(even)
-            if slit.n_vertices <= most:
-                return slit
-            if slit.n_vertices - most >= room:
-                return even
-            room -= slit.n_vertices - most
+            split = refine_quads(mesh, worst, n_new)
+            evened = turned_to_even_valences(split)
+            slit, slit_evened = self._slit(split), self._slit(evened)
+            excess = max(slit.n_vertices, slit_evened.n_vertices) - most
+            if excess <= 0:
+                return slit, slit_evened
+            if excess >= n_new:
+                return split, evened
+            n_new -= excess
 
     def _worst_faces(self, mesh: ControlMesh, found: Seen, n_new: int) -> Ints:
         n = self._scan.n_measured
@@ -336,7 +367,7 @@ class _Fit:
 
 
 def _on_its_surface(triangles: ControlMesh) -> ControlMesh:
-    """The mesh with every point on the Loop surface: control points beside a bend lie beyond it, for this scheme alone."""
+    """The mesh with every point on the Loop surface; where that bends, its control points lie beside it."""
     faces = triangles.faces_of(3)
     vertices, corner = np.unique(faces, return_index=True)
     v, w = (np.where(corner % 3 == i, 1.0, 0.0) for i in (1, 2))
@@ -348,6 +379,11 @@ def _on_its_surface(triangles: ControlMesh) -> ControlMesh:
 def _flipped(mesh: ControlMesh) -> ControlMesh:
     """Even valences; between sharp edges no slivers, which fold sooner than uneven valences do harm."""
     return flip_to_delaunay(mesh) if len(mesh.crease_edges) else flip_to_even_valences(mesh)
+
+
+def _folded_for_good(ground: Ground) -> Bools:
+    """(V,) the control points around folds that are left when these have been smoothed out as far as that goes."""
+    return ground.guards.folded(unfolded(ground.mesh, ground.guards)[0].vertices)
 
 
 def _is_ragged(mesh: ControlMesh) -> bool:

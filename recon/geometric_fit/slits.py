@@ -48,7 +48,8 @@ def _total_angles(sheets: Sheets, x: Floats) -> Floats:
     """(W,) the angles of all faces around each vertex together; x (W, 3)."""
     corners = x[sheets.faces]
     out, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    return np.bincount(sheets.faces.ravel(), corner_angles(out, back).ravel(), len(sheets.kinds))
+    angles: Floats = np.bincount(sheets.faces.ravel(), corner_angles(out, back).ravel(), len(sheets.kinds))
+    return angles
 
 
 def _are_wide(sheets: Sheets, x: Floats) -> Bools:
