@@ -298,8 +298,9 @@ class _Fit:
         folded = _folded_for_good(ground)
         if not folded.any():
             return ground
-        around = np.isin(mesh.face_corners, np.flatnonzero(folded)).reshape(mesh.n_faces, -1).any(axis=1)
-        again = self._with_fewer_folds(*self._split(mesh, worst[np.logical_not(around[worst])], n_new))
+        corners = mesh.faces_of(int(mesh.face_starts[1]))[worst]
+        apart = worst[~np.isin(corners, np.flatnonzero(folded)).any(axis=1)]
+        again = self._with_fewer_folds(*self._split(mesh, apart, n_new))
         return again if _folded_for_good(again).sum() < folded.sum() else ground
 
     def _with_fewer_folds(self, split: ControlMesh, evened: ControlMesh) -> Ground:

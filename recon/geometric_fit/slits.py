@@ -48,8 +48,9 @@ def _total_angles(sheets: Sheets, x: Floats) -> Floats:
     """(W,) the angles of all faces around each vertex together; x (W, 3)."""
     corners = x[sheets.faces]
     out, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    angles: Floats = np.bincount(sheets.faces.ravel(), corner_angles(out, back).ravel(), len(sheets.kinds))
-    return angles
+    total = np.zeros(len(sheets.kinds))
+    np.add.at(total, sheets.faces, corner_angles(out, back))
+    return total
 
 
 def _are_wide(sheets: Sheets, x: Floats) -> Bools:
