@@ -21,11 +21,9 @@ from OCP.BRepLib import BRepLib_ValidateEdge
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_Shape, GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from brep_export.check_topology import EdgeUses, edge_polyline, sub_shapes
+from brep_export.check_topology import EdgeUses, each_once, edge_polyline, sub_shapes
 from brep_export.survey import Survey
 from recon.geometry.cone_volume import surface_tangents
 from recon.geometry.promises import Defect
@@ -165,7 +163,7 @@ def kernel_defects(shape: TopoDS_Shape, explained: Collection[BRepCheck_Status] 
         return True, []
     found: dict[BRepCheck_Status, Point | None] = {}
     for kind in _CHECKED:
-        for part in _each_once(shape, kind):
+        for part in each_once(shape, kind):
             for status in _findings(analyzer, part, shape):
                 found.setdefault(status, _place(part))
     found.pop(BRepCheck_Status.BRepCheck_NoError, None)
@@ -186,12 +184,6 @@ def _findings(analyzer: BRepCheck_Analyzer, part: TopoDS_Shape, shape: TopoDS_Sh
     while result.MoreShapeInContext():
         yield from result.StatusOnShape()
         result.NextShapeInContext()
-
-
-def _each_once(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, found)
-    return (found(i) for i in range(1, found.Extent() + 1))
 
 
 def _place(part: TopoDS_Shape) -> Point | None:

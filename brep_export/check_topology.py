@@ -23,13 +23,23 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepCheck import BRepCheck_Shell, BRepCheck_Status
 from OCP.GeomAbs import GeomAbs_CurveType
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp_Explorer
+from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from recon.geometry.promises import Defect
 
-__all__ = ["ShapeKind", "EdgeUses", "edge_uses", "closing_defects", "edge_use_defects", "sub_shapes", "edge_polyline"]
+__all__ = [
+    "ShapeKind",
+    "EdgeUses",
+    "edge_uses",
+    "closing_defects",
+    "count",
+    "each_once",
+    "edge_polyline",
+    "edge_use_defects",
+    "sub_shapes",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -143,6 +153,23 @@ def sub_shapes(
     while explorer.More():
         yield explorer.Current()
         explorer.Next()
+
+
+def each_once(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
+    """The different shapes of a kind in a shape, whatever their orientation."""
+    found = _different(shape, kind)
+    return [found(i) for i in range(1, found.Extent() + 1)]
+
+
+def count(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
+    """How many different shapes of a kind there are."""
+    return int(_different(shape, kind).Extent())
+
+
+def _different(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> TopTools_IndexedMapOfShape:
+    found = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, found)
+    return found
 
 
 def _bodies(shape: TopoDS_Shape) -> tuple[list[TopoDS_Shape], list[ShapeKind]]:

@@ -8,38 +8,31 @@ and its Gauss-Kronrod rules by 0.1 %, in a hundred times the time.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
-from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
-from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepGProp import BRepGProp
 from OCP.GeomAbs import GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from brep_export.check_topology import ShapeKind, sub_shapes
+from brep_export.check_topology import ShapeKind, count, each_once, sub_shapes
 from brep_export.face_moments import face_moments
 from brep_export.survey import Survey, survey
+from brep_export.tight_box import Box, Point, rough_box, tight_box
 
-__all__ = ["ShapeMeasures", "measure", "kind_of", "count"]
-
-Point = tuple[float, float, float]
+__all__ = ["ShapeMeasures", "measure", "kind_of"]
 
 _Figures = tuple[tuple[float, ...], float, Point]
 
-_SOLID, _SHELL, _FACE, _EDGE, _VERTEX = (
+_SOLID, _SHELL, _FACE, _EDGE = (
     TopAbs_ShapeEnum.TopAbs_SOLID,
     TopAbs_ShapeEnum.TopAbs_SHELL,
     TopAbs_ShapeEnum.TopAbs_FACE,
     TopAbs_ShapeEnum.TopAbs_EDGE,
-    TopAbs_ShapeEnum.TopAbs_VERTEX,
 )
 
 
@@ -61,7 +54,7 @@ class ShapeMeasures:
     solid_volumes: tuple[float, ...]
     area: float
     centroid: Point
-    bounding_box: tuple[Point, Point]
+    bounding_box: Box
 
     @property
     def volume(self) -> float | None:
@@ -90,7 +83,7 @@ def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3, seen: Survey |
         volumes,
         area,
         centre,
-        _bounding_box(shape),
+        tight_box(shape),
     )
 
 
@@ -114,7 +107,7 @@ def _of_shape(shape: TopoDS_Shape, solids: Sequence[TopoDS_Shape], relative_erro
 
 def _of_faces(shape: TopoDS_Shape, seen: Survey, relative_error: float) -> _Figures:
     """The same from cones over the faces of every solid, and from the faces outside all solids."""
-    low, high = _rough_box(shape)
+    low, high = rough_box(shape)
     apex = (low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2
     whole, bodies, faces = seen.whole(), seen.uses.face_body, seen.uses.faces
     found = []
@@ -146,62 +139,12 @@ def kind_of(shape: TopoDS_Shape) -> ShapeKind:
     return ShapeKind.FACE if solids == shells == 0 and faces == 1 else ShapeKind.COMPOUND
 
 
-def count(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
-    """How many different parts of a kind there are."""
-    return len(_parts(shape, kind))
-
-
-def _parts(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, found)
-    return [found(i) for i in range(1, found.Extent() + 1)]
-
-
 def _count_edges(shape: TopoDS_Shape) -> int:
-    return sum(not BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)) for edge in _parts(shape, _EDGE))
+    return sum(not BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)) for edge in each_once(shape, _EDGE))
 
 
 def _loose(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum) -> bool:
     return next(sub_shapes(shape, kind, outside), None) is not None
-
-
-def _bounding_box(shape: TopoDS_Shape) -> tuple[Point, Point]:
-    """The box that fits tightly, which the kernel takes long to find: asked only of faces that may reach beyond others.
-
-    The kernel's quick box of a face contains it, so that one within the box of what is known already adds nothing.
-    """
-    box = Bnd_Box()
-    for vertex in _parts(shape, _VERTEX):
-        box.Add(BRep_Tool.Pnt_s(TopoDS.Vertex_s(vertex)))
-    quick = []
-    for part in _parts(shape, _FACE) or _parts(shape, _EDGE):
-        own = Bnd_Box()
-        BRepBndLib.Add_s(part, own, False)
-        quick.append((_reach(own, box), part, own))
-    for reach, part, own in sorted(quick, key=lambda entry: -entry[0]):
-        if reach > 0.0 and _reach(own, box) > 0.0:
-            BRepBndLib.AddOptimal_s(part, box, False, False)
-    return _corners(box)
-
-
-def _rough_box(shape: TopoDS_Shape) -> tuple[Point, Point]:
-    box = Bnd_Box()
-    BRepBndLib.Add_s(shape, box, False)
-    return _corners(box)
-
-
-def _reach(inner: Bnd_Box, outer: Bnd_Box) -> float:
-    """How far the first box reaches out of the second at most."""
-    if outer.IsVoid():
-        return inf
-    (low, high), (least, most) = _corners(inner), _corners(outer)
-    return max(max(b - a, c - d) for a, b, c, d in zip(low, least, high, most))
-
-
-def _corners(box: Bnd_Box) -> tuple[Point, Point]:
-    if box.IsVoid():
-        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    return _coordinates(box.CornerMin()), _coordinates(box.CornerMax())
 
 
 def _coordinates(point: gp_Pnt) -> Point:

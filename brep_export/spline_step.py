@@ -27,7 +27,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from brep_export.bulk_splines import SplineRecord, curve_records
 from brep_export.check_geometry import max_tolerance
-from brep_export.check_topology import EdgeUses, ShapeKind
+from brep_export.check_topology import EdgeUses, ShapeKind, count
 from brep_export.face_nets import NetGroup
 from brep_export.file_header import FileHeader
 from brep_export.measures import ShapeMeasures
@@ -90,7 +90,7 @@ class _Parts:
 
 def _parts(shape: TopoDS_Shape, seen: Survey) -> _Parts | None:
     uses, grouped = seen.uses, seen.nets.grouped()
-    shells = _count(shape, TopAbs_ShapeEnum.TopAbs_SHELL)
+    shells = count(shape, TopAbs_ShapeEnum.TopAbs_SHELL)
     kinds = set(uses.body_kinds)
     if len(kinds) != 1 or kinds == {ShapeKind.FACE} or shells != len(uses.bodies) or not shape.Location().IsIdentity():
         return None
@@ -108,15 +108,9 @@ def _parts(shape: TopoDS_Shape, seen: Survey) -> _Parts | None:
     curves = _curves(uses)
     vertices, ends = _vertices(uses)
     loops = _loops(uses, ends)
-    if curves is None or loops is None or sum(map(len, loops)) != _count(shape, TopAbs_ShapeEnum.TopAbs_WIRE):
+    if curves is None or loops is None or sum(map(len, loops)) != count(shape, TopAbs_ShapeEnum.TopAbs_WIRE):
         return None
     return _Parts(seen, planes, curves, vertices, ends, loops)
-
-
-def _count(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, found)
-    return int(found.Extent())
 
 
 def _has_seams(uses: EdgeUses) -> bool:

@@ -12,11 +12,12 @@ from typing import Any
 
 import typer
 
+from brep_export.app.earlier_runs import recall, remember, run_key
 from brep_export.app.exhibits import gathered, length_unit
 from brep_export.app.note_names import require_names
 from brep_export.app.outputs import check_destinations
 from brep_export.app.plan import plan, plan_summary
-from brep_export.app.progress import shown_progress
+from brep_export.app.progress import Clock, shown_progress
 from brep_export.app.report import write_report
 from brep_export.app.result import refusal, summary
 from brep_export.app.workshop import Exit, Outcome, run
@@ -55,7 +56,7 @@ def answer(
             _tell_plan(planned, as_json=as_json)
             raise typer.Exit
         check_destinations(request)
-        work = partial(_watched, job, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)
+        work = partial(_watched, command, job, quiet=quiet or not sys.stderr.isatty(), timeout=timeout)
         outcome = work(request) if request.get("report") is None else _with_report(work, request)
     except ReconError as problem:
         status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
@@ -109,11 +110,16 @@ def _complain(command: str, outcome: Outcome, debug: bool) -> None:
         typer.echo("Run it again with --debug and send what it prints to the authors.", err=True)
 
 
-def _watched(job: str, request: dict[str, Any], *, quiet: bool, timeout: float | None) -> Outcome:
+def _watched(command: str, job: str, request: dict[str, Any], *, quiet: bool, timeout: float | None) -> Outcome:
     if quiet:
         return run(job, request, timeout=timeout)
-    with shown_progress() as (doing, note):
-        return run(job, request, timeout=timeout, doing=doing, note=note)
+    key = run_key(command, request)
+    clock = Clock(earlier=recall(key), size=key.size)
+    with shown_progress(clock) as note:
+        outcome = run(job, request, timeout=timeout, doing=clock.hear, note=note)
+    if outcome.result is not None:
+        remember(key, clock.steps, clock.spent())
+    return outcome
 
 
 def _tell_plan(planned: Mapping[str, Any], *, as_json: bool) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from recon.errors import UnreadableFile
 from recon.version import __version__
 
-__all__ = ["plan", "plan_summary"]
+__all__ = ["options_chosen", "plan", "plan_summary"]
 
 FORMATS = {
     ".step": "STEP",
@@ -38,15 +38,19 @@ def plan(command: str, request: Mapping[str, Any]) -> dict[str, Any]:
         if not Path(path).exists():
             raise UnreadableFile(path, "there is no such file", "Check the name and the folder")
     extra = [request.get(key) for key in ("picture", "report")]
-    chosen = {k: v for k, v in request.items() if k not in SAID_ELSEWHERE and v not in (None, False, [])}
     return {
         "command": command,
         "version": __version__,
         "dry_run": True,
         "inputs": list(request["inputs"]),
         "outputs": [*request["outputs"], *(path for path in extra if path is not None)],
-        "options": chosen,
+        "options": options_chosen(request),
     }
+
+
+def options_chosen(request: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that say how a thing is done, without files, and without those left as they are."""
+    return {k: v for k, v in request.items() if k not in SAID_ELSEWHERE and v not in (None, False, [])}
 
 
 def plan_summary(planned: Mapping[str, Any]) -> str:

@@ -12,6 +12,8 @@ changes along them are break lines, where those are asked for: the heights at th
 import csv
 import json
 import re
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +31,7 @@ __all__ = ["CONTOUR_ENDINGS", "read_contours"]
 
 Floats = NDArray[np.float64]
 
+PARTLY_READ = "parsed incompletely"  # said of a field's value, which then counts as 0 or as its first digits
 CONTOUR_ENDINGS = (".geojson", ".csv", ".dxf", ".shp", ".gpkg")
 METRES = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937}
 DXF_UNITS = {1: "inches", 2: "ft", 4: "millimetres", 5: "centimetres", 6: "m", 7: "kilometres", 21: "us-ft"}
@@ -156,9 +159,13 @@ def _by_pyogrio(rows: _MapRows, path: Path, attribute: str | None) -> str:
     except ImportError as problem:
         raise UnreadableFile(str(path), "needs pyogrio", "Install recon-brep[gis]") from problem
     try:
-        facts, _, geometries, columns = pyogrio.raw.read(path)
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ValueError) as problem:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            facts, _, geometries, columns = pyogrio.raw.read(path)
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ValueError, UnboundLocalError) as problem:
+        # the last where a Shapefile's .prj holds no coordinate system
         raise UnreadableFile(str(path), f"cannot be read ({problem})") from problem
+    _require_numbers(told, path)
     features = []
     for row, geometry in enumerate(shapely.from_wkb(geometries)):
         properties = {name: _plain(column[row]) for name, column in zip(facts["fields"], columns)}
@@ -170,6 +177,15 @@ def _by_pyogrio(rows: _MapRows, path: Path, attribute: str | None) -> str:
         )
     _geojson(rows, json.dumps({"features": features}), str(path), attribute)
     return str(facts.get("crs") or "")
+
+
+def _require_numbers(told: Sequence[warnings.WarningMessage], path: Path) -> None:
+    """Refuse a file of which a value was read in part only; what else the library warns of goes on to the user."""
+    for warning in told:
+        said = str(warning.message).splitlines()[0]
+        if PARTLY_READ in said:
+            raise UnreadableFile(str(path), f"holds a value that is no number ({said})", "Copy the file again")
+        warnings.warn(warning.message, stacklevel=2)
 
 
 def _plain(value: Any) -> Any:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from recon.errors import BadOption, ReconError, UnreadableFile, UnsupportedFormat
 from recon.geometry.voxel_grid import Volume
 from recon.readers.content import file_bytes, require_plain_file
+from recon.readers.dicom import read_dicom
 from recon.readers.image_data import read_vti
 from recon.readers.unpacking import require_plausible_size
 from recon.readers.volume_headers import read_metaimage, read_nifti, read_nrrd
@@ -34,7 +35,7 @@ def read_volume(path: str | Path, *, spacing: Floats | None = None) -> Volume:
     """
     file = Path(path)
     if file.is_dir():
-        volume = _dicom(file)
+        volume = read_dicom(file)
     else:
         ending = _ending(file)
         if ending not in _READERS:
@@ -124,24 +125,6 @@ def _binvox(file: Path) -> Volume:
     values = np.repeat(runs[:, 0], runs[:, 1]).reshape(shape).transpose(0, 2, 1)
     spacing = np.full(3, scale / max(shape))
     return Volume(spacing, shift + spacing / 2, np.eye(3), file.name, values)
-
-
-def _dicom(folder: Path) -> Volume:
-    try:
-        import SimpleITK as sitk
-    except ImportError as problem:
-        raise UnreadableFile(str(folder), "needs SimpleITK", "Install recon-brep[volumes]") from problem
-    series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
-    if len(series) != 1:
-        advice = "Put each series into a folder of its own" if series else "Name a folder of DICOM slices"
-        raise UnreadableFile(str(folder), f"holds {len(series)} DICOM series", advice)
-    try:
-        image = sitk.ReadImage(sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), series[0]))
-    except RuntimeError as problem:
-        raise UnreadableFile(str(folder), "its DICOM slices make no volume") from problem
-    direction = np.array(image.GetDirection()).reshape(3, 3)
-    values = sitk.GetArrayFromImage(image).transpose(2, 1, 0)
-    return Volume(np.array(image.GetSpacing()), np.array(image.GetOrigin()), direction, folder.name, values)
 
 
 _READERS: dict[str, Callable[[Path], Volume]] = {

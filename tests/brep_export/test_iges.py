@@ -50,7 +50,7 @@ def test_what_the_kernel_loses_in_iges_is_listed(tmp_path: Path) -> None:
     star = cq.Workplane(cq.Shape.cast(spline_prism()[0]).scale(0.3)).translate((4, 0, 0))
     ball = cq.Workplane().sphere(10).cut(cq.Workplane().cylinder(30, 3)).cut(star).val().wrapped
     back = write_iges(ball, tmp_path / "ball.igs")
-    assert {defect.code for defect in back.defects} == {"read-back-volume", "read-back-area"}
+    assert {defect.code for defect in back.defects} >= {"read-back-volume", "read-back-area"}
     mesh = triangulate(ball, 0.1).mesh
     with pytest.raises(NotWritten, match="read-back-volume"):
         write_outputs(ball, mesh, [tmp_path / "other.igs"])

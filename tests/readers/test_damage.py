@@ -10,9 +10,10 @@ import zlib
 
 import numpy as np
 import pytest
-from specimens import DAMAGES, SPECIMENS
+from specimens import DAMAGES, SPECIMENS, dicom_slices
 
 from recon.errors import ReconError, UnreadableFile
+from recon.readers.volumes import read_volume
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 HUGE = 353_535_235_358
@@ -212,3 +213,64 @@ def test_blocks_within_blocks_do_not_unfold_for_ever(tmp_path, monkeypatch):
     drawing.write(stream)
     with pytest.raises(UnreadableFile, match="blocks unfold to more than 200"):
         SPECIMENS["views DXF"][0](put(tmp_path, "views DXF", stream.getvalue().encode()))
+
+
+def test_a_height_that_is_no_number_is_not_taken_for_zero(tmp_path):
+    pytest.importorskip("pyogrio")
+    read, _, make = SPECIMENS["contours Shapefile .dbf"]
+    data = make()
+    assert data.count(b"120.") == 1
+    with pytest.raises(UnreadableFile, match="no number"):
+        read(put(tmp_path, "contours Shapefile .dbf", data.replace(b"120.", b"1x0.")))
+
+
+@pytest.fixture
+def series(tmp_path):
+    """A folder of four slices, the second as bytes to change."""
+    pytest.importorskip("SimpleITK")
+    for k, data in enumerate(dicom_slices()):
+        (tmp_path / f"{k}.dcm").write_bytes(data)
+    return tmp_path
+
+
+def changed(file, old, new):
+    data = file.read_bytes()
+    assert data.count(old) == 1 and len(old) == len(new)
+    file.write_bytes(data.replace(old, new))
+
+
+def test_a_series_without_one_of_its_slices_is_not_moved_together(series):
+    (series / "1.dcm").unlink()
+    with pytest.raises(UnreadableFile, match=r"0.dcm and 2.dcm are 2 mm apart, others 1"):
+        read_volume(series)
+
+
+def test_a_slice_that_the_library_would_leave_out_is_named(series):
+    changed(series / "3.dcm", b"DICM", b"DICX")
+    with pytest.raises(UnreadableFile, match=r"holds 3.dcm, which cannot be read as a slice"):
+        read_volume(series)
+
+
+def test_a_slice_whose_element_is_longer_than_its_file_is_refused_before_memory_is_asked_for(series):
+    pixels = b"\xe0\x7f\x10\x00"
+    data = (series / "2.dcm").read_bytes()
+    at = data.index(pixels) + len(pixels)  # implicit: no type between the element and its length
+    (series / "2.dcm").write_bytes(data[:at] + struct.pack("<I", 0x7FFFFFF0) + data[at + 4 :])
+    megabytes, reason = memory_asked_for(read_volume, series)
+    assert megabytes < 200 and "2.dcm: its element (7fe0,0010) is longer than the file" in reason
+
+
+def test_the_same_of_a_slice_with_types(tmp_path):
+    pytest.importorskip("SimpleITK")
+    syntax = struct.pack("<HH2sH", 2, 0x10, b"UI", 20) + b"1.2.840.10008.1.2.1\0"
+    pixels = struct.pack("<HH2sHI", 0x7FE0, 0x10, b"OW", 0, 0x7FFFFFF0)
+    (tmp_path / "0.dcm").write_bytes(bytes(128) + b"DICM" + syntax + pixels + bytes(60))
+    with pytest.raises(UnreadableFile, match=r"\(7fe0,0010\) is longer than the file"):
+        read_volume(tmp_path)
+
+
+def test_slices_of_different_size_are_no_volume(series):
+    rows = struct.pack("<HHIH", 0x28, 0x10, 2, 5)
+    changed(series / "2.dcm", rows, rows[:-2] + struct.pack("<H", 4))
+    with pytest.raises(UnreadableFile, match=r"2.dcm differ in size"):
+        read_volume(series)

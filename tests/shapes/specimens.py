@@ -6,8 +6,11 @@ import io
 import json
 import re
 import struct
+import tempfile
 import zlib
 from collections.abc import Callable
+from functools import cache, partial
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -231,6 +234,75 @@ def _point_row() -> bytes:
     return b"x,y\n" + b"".join(b"%d.5,%d\n" % (k, k * k) for k in range(20))
 
 
+@cache
+def _map_files() -> dict[str, bytes]:
+    """The files of a Shapefile and a GeoPackage by their endings."""
+    import pyogrio
+    import shapely
+
+    angles = np.linspace(0.0, 2.0 * np.pi, 12)
+    rings = [np.stack([500.0 + r * np.cos(angles), 700.0 + r * np.sin(angles)], axis=1) for r in (300.0, 200.0, 100.0)]
+    lines = shapely.to_wkb([shapely.LineString(ring) for ring in rings])
+    with tempfile.TemporaryDirectory() as folder:
+        for name, driver in (("map.shp", "ESRI Shapefile"), ("map.gpkg", "GPKG")):
+            kind, heights = "LineString", np.array([100.0, 120.0, 140.0])
+            pyogrio.raw.write(
+                Path(folder) / name, lines, [heights], ["ELEV"], geometry_type=kind, crs="EPSG:32755", driver=driver
+            )
+        return {file.suffix: file.read_bytes() for file in Path(folder).iterdir()}
+
+
+def _read_shapefile(part: Path) -> object:
+    """Contours of a Shapefile of which one part is given, the others being sound."""
+    with tempfile.TemporaryDirectory() as folder:
+        for ending, data in _map_files().items():
+            if ending != ".gpkg":
+                (Path(folder) / f"map{ending}").write_bytes(part.read_bytes() if ending == part.suffix else data)
+        return read_contours(Path(folder) / "map.shp")
+
+
+def _geotiff(packed: bool) -> bytes:
+    import rasterio
+    from rasterio.transform import from_origin
+
+    heights = (100.0 + np.add.outer(np.arange(12), np.arange(10))).astype(np.float32)
+    facts = {"height": 12, "width": 10, "count": 1, "dtype": "float32", "crs": "EPSG:32755"}
+    if packed:
+        facts["compress"] = "deflate"
+    with rasterio.MemoryFile() as memory:
+        with memory.open(driver="GTiff", transform=from_origin(5e5, 6e6, 10, 10), **facts) as file:
+            file.write(heights, 1)
+        return bytes(memory.read())
+
+
+@cache
+def dicom_slices() -> tuple[bytes, ...]:
+    """The files of a DICOM series."""
+    import SimpleITK as sitk
+
+    writer, made = sitk.ImageFileWriter(), []
+    writer.KeepOriginalImageUIDOn()
+    with tempfile.TemporaryDirectory() as folder:
+        for k in range(4):
+            image = sitk.GetImageFromArray(np.pad(np.full((3, 4), 100, np.int16), 1))
+            image.SetSpacing((0.5, 0.5))
+            place = {"0020|0032": f"0\\0\\{k}", "0020|0037": "1\\0\\0\\0\\1\\0", "0020|0013": str(k)}
+            for key, value in {"0020|000e": "1.2.3.4", "0008|0018": f"1.2.3.4.{k + 1}", **place}.items():
+                image.SetMetaData(key, value)
+            writer.SetFileName(f"{folder}/{k}.dcm")
+            writer.Execute(image)
+            made.append((Path(folder) / f"{k}.dcm").read_bytes())
+    return tuple(made)
+
+
+def _read_series(slice_: Path) -> object:
+    """The volume of a DICOM series of which one slice is given, the others being sound."""
+    with tempfile.TemporaryDirectory() as folder:
+        for k, data in enumerate(dicom_slices()):
+            (Path(folder) / f"{k}.dcm").write_bytes(slice_.read_bytes() if k == 1 else data)
+        return read_volume(folder)
+
+
 # What reads a format, the ending of its files, and a sound one.
 SPECIMENS: dict[str, tuple[Callable[[Path], object], str, Callable[[], bytes]]] = {
     "mesh PLY text": (read_mesh, ".ply", lambda: _ply("ascii")),
@@ -270,6 +342,20 @@ SPECIMENS: dict[str, tuple[Callable[[Path], object], str, Callable[[], bytes]]] 
     "point row": (read_point_row, ".csv", _point_row),
     "picks": (read_picks, ".json", lambda: b'{"picks": [[0, 0, 1], [2, 0.5, 1], [3, 4, 1]]}'),
 }
+
+if find_spec("pyogrio"):
+    SPECIMENS["contours GeoPackage"] = (read_contours, ".gpkg", lambda: _map_files()[".gpkg"])
+    for ending in (".shp", ".shx", ".dbf", ".prj"):
+        SPECIMENS[f"contours Shapefile {ending}"] = (
+            _read_shapefile,
+            ending,
+            partial(lambda e: _map_files()[e], ending),
+        )
+if find_spec("rasterio"):
+    SPECIMENS["grid GeoTIFF"] = (read_height_grid, ".tif", lambda: _geotiff(False))
+    SPECIMENS["grid GeoTIFF deflate"] = (read_height_grid, ".tif", lambda: _geotiff(True))
+if find_spec("SimpleITK"):
+    SPECIMENS["volume DICOM"] = (_read_series, ".dcm", lambda: dicom_slices()[1])
 
 WORDS = (b"nan", b"inf", b"-inf", b"1e400", b"-1", b"0", b"353535235358", b"9" * 400, b"x", b"", b"1e-320", b"-0")
 COUNTS = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 0, 0x10000000, 0x7F800000, 0x7FC00000)
