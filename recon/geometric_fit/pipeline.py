@@ -271,7 +271,9 @@ class _Fit:
         """The control mesh of a Loop surface: its points are where the error was, its valences even."""
         angle, robust = self._options.crease_angle, self._options.robust
         options = FitOptions(control_points=count, crease_angle=angle, robust=robust)
-        return _on_its_surface(_Fit(self._whole, options, self._doing).run().mesh)
+        mesh = _Fit(self._whole, options, self._doing).run().mesh
+        folds_at_edges = self._options.scheme is Scheme.DOO_SABIN and len(mesh.crease_edges) > 0
+        return _on_its_surface(mesh) if folds_at_edges else mesh
 
     def _first_count(self) -> int:
         if self._options.plain:
