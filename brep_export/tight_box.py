@@ -22,6 +22,7 @@ from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from brep_export.check_topology import each_once
+from brep_export.surfaces import surface_from_kernel
 
 __all__ = ["Box", "Point", "rough_box", "tight_box"]
 
@@ -56,7 +57,7 @@ def tight_box(shape: TopoDS_Shape) -> Box:
     return _corners(box)
 
 
-def _widen(box: Bnd_Box, shapes: Iterable[TopoDS_Shape], add: Callable[[TopoDS_Shape, Bnd_Box], None]) -> None:
+def _widen(box: Bnd_Box, shapes: Iterable[TopoDS_Shape], add: Callable[[TopoDS_Shape, Bnd_Box, Bnd_Box], None]) -> None:
     quick = []
     for part in shapes:
         own = Bnd_Box()
@@ -64,25 +65,27 @@ def _widen(box: Bnd_Box, shapes: Iterable[TopoDS_Shape], add: Callable[[TopoDS_S
         quick.append((_reach(own, box), part, own))
     for reach, part, own in sorted(quick, key=lambda entry: -entry[0]):
         if reach > 0.0 and _reach(own, box) > 0.0:
-            add(part, box)
+            add(part, own, box)
 
 
-def _add_edge(edge: TopoDS_Shape, box: Bnd_Box) -> None:
+def _add_edge(edge: TopoDS_Shape, own: Bnd_Box, box: Bnd_Box) -> None:
+    del own
     BRepBndLib.AddOptimal_s(edge, box, False, False)
 
 
-def _add_face(face: TopoDS_Shape, box: Bnd_Box) -> None:
-    """Add the extreme places inside a face, whose edges are in the box already."""
+def _add_face(face: TopoDS_Shape, own: Bnd_Box, box: Bnd_Box) -> None:
+    """Add the extreme places inside a face, whose edges are in the box already, where its quick box reaches farther."""
     surface = BRepAdaptor_Surface(TopoDS.Face_s(face))
     if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
         return
     rectangle = np.reshape(BRepTools.UVBounds_s(TopoDS.Face_s(face)), (2, 2))
-    places = _grid(surface, rectangle)
-    points = np.array([_coordinates(surface.Value(u, v)) for u, v in places])
+    places, points = _grid(surface, rectangle)
     on_face = _Border(TopoDS.Face_s(face))
     for axis in range(3):
         for sign in (1.0, -1.0):
-            _add_extreme(surface, rectangle, on_face, places, sign * points[:, axis], (axis, sign), box)
+            if _height(own, axis, sign) > _height(box, axis, sign):
+                order = np.argsort(-sign * points[:, axis])
+                _add_extreme(surface, rectangle, on_face, places[order], (axis, sign), box)
 
 
 def _add_extreme(
@@ -90,16 +93,15 @@ def _add_extreme(
     rectangle: Floats,
     on_face: "_Border",
     places: Floats,
-    heights: Floats,
     direction: tuple[int, float],
     box: Bnd_Box,
 ) -> None:
     """Add the highest place of a face in a direction: uphill of the highest on the grid, where that is on the face.
 
+    places     (n, 2) of the grid, the highest first
     direction  number of the axis, and its sign
-    heights    (n,) of the surface at the places in that direction
     """
-    highest = next((place for place in places[np.argsort(-heights)] if on_face.has(place)), None)
+    highest = next((place for place in places if on_face.has(place)), None)
     if highest is not None:
         top = _climbed(surface, rectangle, highest, direction)
         box.Add(surface.Value(*(top if on_face.has(top) else highest)))
@@ -129,13 +131,16 @@ def _climbed(surface: BRepAdaptor_Surface, rectangle: Floats, start: Floats, dir
     return np.clip(rectangle[:, 0] + found.x * size, *rectangle.T)
 
 
-def _grid(surface: BRepAdaptor_Surface, rectangle: Floats) -> Floats:
-    """(n, 2) parameters inside the rectangle, denser on surfaces of many spans."""
+def _grid(surface: BRepAdaptor_Surface, rectangle: Floats) -> tuple[Floats, Floats]:
+    """(n, 2) parameters inside the rectangle, denser on surfaces of many spans, and (n, 3) the points there."""
     spline = surface.GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
     spans = (surface.NbUKnots() - 1, surface.NbVKnots() - 1) if spline else (1, 1)
     steps = [min(max(STEPS, STEPS_A_SPAN * count), MOST_STEPS) for count in spans]
     u, v = (low + (high - low) * (np.arange(n) + 0.5) / n for (low, high), n in zip(rectangle, steps))
-    return np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    if spline and not surface.IsUPeriodic() and not surface.IsVPeriodic():
+        return places, surface_from_kernel(surface.BSpline()).grid(u, v).reshape(-1, 3)
+    return places, np.array([_coordinates(surface.Value(*place)) for place in places])
 
 
 class _Border:
@@ -154,6 +159,14 @@ def _reach(inner: Bnd_Box, outer: Bnd_Box) -> float:
         return inf
     (low, high), (least, most) = _corners(inner), _corners(outer)
     return max(max(b - a, c - d) for a, b, c, d in zip(low, least, high, most))
+
+
+def _height(box: Bnd_Box, axis: int, sign: float) -> float:
+    """How far a box reaches in a direction along an axis."""
+    if box.IsVoid():
+        return -inf
+    low, high = _corners(box)
+    return high[axis] if sign > 0.0 else -low[axis]
 
 
 def _corners(box: Bnd_Box) -> Box:

@@ -17,6 +17,7 @@ from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.halfedges import edge_table
+from recon.numerics.near_boxes import near_boxes
 from recon.numerics.rows import unit_vectors
 from recon.numerics.self_intersection import crossing_triangles
 from recon.subdivision.limit_surface import LimitPatches, tessellation_places
@@ -25,6 +26,7 @@ __all__ = ["without_crossings"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 HALVINGS, MORE_HALVINGS = 1, 3  # of each patch, into the triangles that are looked at; more where it is bent
 BENT = np.cos(np.radians(40.0))  # between two triangles of a patch that is bent
@@ -59,6 +61,8 @@ class _Crossings:
         ones, n = np.ones(len(mesh.face_corners)), mesh.n_vertices
         incidence = sparse.csr_array((ones, mesh.face_corners, mesh.face_starts), shape=(mesh.n_faces, n))
         self._around = sparse.csr_array(incidence.T @ incidence)
+        self._last: Floats | None = None  # the surface's points at the last look
+        self._crossing = np.zeros(len(self._triangles), dtype=np.bool_)  # the triangles that cut others then
 
     def bent(self, control_points: Floats) -> Bools:
         """(P,) the patches with two neighbouring triangles over BENT apart, where all patches are looked at."""
@@ -72,11 +76,22 @@ class _Crossings:
 
     def folded(self, control_points: Floats) -> Bools:
         """(V,) the control points that carry triangles which cut each other."""
-        pairs, _ = crossing_triangles(self._rows @ control_points, self._triangles)
+        drawn = self._rows @ control_points
+        looked_at = self._since_last(drawn)
+        pairs, _ = crossing_triangles(drawn, self._triangles[looked_at])
+        crossing = looked_at[pairs.ravel()]
+        self._last, self._crossing = drawn, np.isin(np.arange(len(self._triangles)), crossing)
         carrying = np.zeros(len(control_points), dtype=np.bool_)
-        rows = self._rows[np.unique(self._triangles[pairs.ravel()])]
+        rows = self._rows[np.unique(self._triangles[crossing])]
         carrying[rows.indices[rows.data > HELD]] = True
         return carrying
+
+    def _since_last(self, drawn: Floats) -> Ints:
+        """The triangles that may cut others: at first all, then those that moved or did so before, and those near."""
+        if self._last is None:
+            return np.arange(len(self._triangles))
+        moved = (drawn != self._last).any(axis=1)[self._triangles].any(axis=1)
+        return np.flatnonzero(near_boxes(drawn[self._triangles], moved | self._crossing))
 
     def widened(self, control_points: Bools) -> Bools:
         """(V,) these control points and all that share a face with one."""
