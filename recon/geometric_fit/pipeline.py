@@ -186,7 +186,7 @@ class _Fit:
                 sample, weights = self._with_far(first, (sample, weights), found)
                 del found
                 start = None
-        if unfolded_mesh is not None and ground.n_folded():
+        if unfolded_mesh is not None and stopped is not StoppedBy.TOLERANCE and ground.n_folded():
             self._doing("going back to fewer control points, as the surface folds with more")
             del ground
             ground, feet, weights = self._rounds.settled(
