@@ -206,11 +206,11 @@ def _drawn(
     measures = copy.measures if copy else measure(shape, seen=seen)
     closing = closing_defects(uses)
     structure = closing + edge_use_defects(uses) + ([] if closing else _free_edge_defects(uses))
-    gaps, angles = edge_gaps(uses), edge_angles(seen)
+    gaps, angles = edge_gaps(seen), edge_angles(seen)
     fit = gap_defects(uses, gaps) + tolerance_defects(uses, shape, tolerance.fit)
     valid, invalid = kernel_defects(shape, _explained(structure + fit))
     deflection = deflection or max(1e-3 * dist(*measures.bounding_box), 1e-9)
-    triangles, mesh_defects, cuts = _triangulation_defects(shape, uses, deflection, closes=not structure)
+    triangles, mesh_defects, cuts = _triangulation_defects(shape, seen, deflection, closes=not structure)
     defects = _kind_defects(uses, expect) + structure + fit + invalid + mesh_defects
     defects += angle_defects(uses, angles, tolerance.angle)
     if not structure and not triangles.missing and uses.is_solid.any():
@@ -291,10 +291,10 @@ _EXPLAINS |= dict.fromkeys(("edge-gap", "vertex-gap", "tolerance"), _OFF)
 
 
 def _triangulation_defects(
-    shape: TopoDS_Shape, uses: EdgeUses, deflection: float, *, closes: bool
+    shape: TopoDS_Shape, seen: Survey, deflection: float, *, closes: bool
 ) -> tuple[ShapeTriangulation, list[Defect], int]:
     """Line 4.  Coarse triangles of a thin wall may cut where the faces do not, so cuts are looked at again closer."""
-    triangles = triangulate(shape, deflection)
+    uses, triangles = seen.uses, triangulate(shape, deflection, planes=seen.planes)
     defects = _mesh_defects(triangles, uses, closes=closes)
     if _cut(defects) and len(triangles.triangle_face) <= MANY:
         finer = triangulate(shape, deflection / 4, angle=0.2)

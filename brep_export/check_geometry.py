@@ -61,13 +61,19 @@ class EdgeGaps:
         return float(every.max()) if len(every) else 0.0
 
 
-def edge_gaps(uses: EdgeUses) -> EdgeGaps:
+def edge_gaps(seen: Survey) -> EdgeGaps:
     """Measure every gap of every edge; infinite where a curve is missing."""
-    surfaces = [_surface(face) for face in uses.faces]
-    on_faces = [_gap_on_face(e, uses.faces[f], surfaces[f]) for e, f in zip(uses.use_edges, uses.face)]
-    return EdgeGaps(
-        np.array(on_faces, dtype=np.float64), np.array([_gap_at_ends(e) for e in uses.edges], dtype=np.float64)
-    )
+    uses, planes = seen.uses, seen.planes
+    flat = planes.flat[uses.face]
+    surfaces = {f: _surface(uses.faces[f]) for f in np.flatnonzero(~planes.flat).tolist()}
+    on_faces, at_ends = np.empty(len(uses.face)), planes.gaps_at_ends()
+    on_faces[flat] = planes.gaps_on_faces(np.flatnonzero(flat))
+    for use in np.flatnonzero(~flat).tolist():
+        face = int(uses.face[use])
+        on_faces[use] = _gap_on_face(uses.use_edges[use], uses.faces[face], surfaces[face])
+    for edge in np.flatnonzero(~planes.bare).tolist():
+        at_ends[edge] = _gap_at_ends(uses.edges[edge])
+    return EdgeGaps(on_faces, at_ends)
 
 
 def _surface(face: TopoDS_Face) -> BRepAdaptor_Surface | None:
@@ -227,8 +233,12 @@ def edge_angles(seen: Survey, n: int = 7) -> EdgeAngles:
     sine = np.linalg.norm(_cross(one, other), axis=2)
     cosine = np.einsum("eij,eij->ei", one, other)
     angles = np.where((sine > 0.0) | (cosine != 0.0), np.arctan2(sine, cosine), 0.0)
-    smooth = [_is_smooth(uses.edges[uses.edge[a]], uses.faces[uses.face[a]], uses.faces[uses.face[b]]) for a, b in rows]
-    return EdgeAngles(uses.edge[rows[:, 0]], angles.max(axis=1), np.array(smooth))
+    # two planes are never smooth where they meet; the reader takes those for it that meet at under 0.57 degrees
+    smooth = ~seen.planes.flat[uses.face[rows]].all(axis=1)
+    for row in np.flatnonzero(smooth).tolist():
+        a, b = rows[row]
+        smooth[row] = _is_smooth(uses.edges[uses.edge[a]], uses.faces[uses.face[a]], uses.faces[uses.face[b]])
+    return EdgeAngles(uses.edge[rows[:, 0]], angles.max(axis=1), smooth)
 
 
 def _use_normals(seen: Survey, rows: NDArray[np.int64], n: int) -> Floats:
@@ -248,9 +258,14 @@ def _use_normals(seen: Survey, rows: NDArray[np.int64], n: int) -> Floats:
         )
         pair[turned] = pair[turned][:, :, [3, 4, 5, 0, 1, 2]]
         tangents[known] = pair
+    flat = seen.planes.flat[uses.face[rows]]
+    left &= ~flat
     surfaces = {f: _surface(uses.faces[f]) for f in np.unique(uses.face[rows[left]])}
     tangents[left] = np.array([_tangents(uses, use, surfaces, n) for use in rows[left]]).reshape(-1, n, 6)
-    return _normals(tangents)
+    tangents[flat] = 0.0
+    normals = _normals(tangents)
+    normals[flat] = seen.planes.normals[uses.face[rows[flat]], None]
+    return normals
 
 
 def _shares(n: int) -> Floats:

@@ -46,7 +46,7 @@ def write_faceted_step(
     """
     with StepText.into(path, header) as lines:
         add_product(lines, [_solid(lines, polyhedron, body) for body in polyhedron.bodies], header)
-    return compare(measures, measure(read_cad(path, unit=str(header.unit))))
+    return compare(measures, measure(read_cad(path, unit=str(header.unit), healed=False)))
 
 
 def _solid(lines: StepText, polyhedron: Polyhedron, body: tuple[tuple[int, ...], ...]) -> int:

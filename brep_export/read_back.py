@@ -13,8 +13,10 @@ from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.IGESControl import IGESControl_Reader
+from OCP.Resource import Resource_DataMapOfAsciiStringAsciiString
 from OCP.ShapeFix import ShapeFix_ShapeTolerance
 from OCP.STEPControl import STEPControl_Reader
+from OCP.TCollection import TCollection_AsciiString
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS_Shape
 
@@ -43,9 +45,11 @@ class ReadBack:
         return {"same": self.same, "volume_change": self.volume_change}
 
 
-def read_cad(path: str | Path, *, unit: str = "MM") -> TopoDS_Shape:
+def read_cad(path: str | Path, *, unit: str = "MM", healed: bool = True) -> TopoDS_Shape:
     """The shape in a STEP, IGES or BREP file, in the given unit (MM, M or INCH; BREP files know no unit).
 
+    healed  whether the kernel mends a STEP file while it reads, as every program that is made with it does; left out,
+            the shape is what the file says, which is enough for planar faces, and comes in a quarter of the time
     Raises UnsupportedFormat for another ending; UnreadableFile when the file is missing, empty, truncated, of other
     content than its ending says, or holds no shape.
     """
@@ -56,7 +60,7 @@ def read_cad(path: str | Path, *, unit: str = "MM") -> TopoDS_Shape:
     _look_at(path, ending)
     try:
         with exchange_settings({"xstep.cascade.unit": unit}):
-            shape = _READERS[ending](path)
+            shape = _read_step(path, healed=healed) if ending in STEP_ENDINGS else _READERS[ending](path)
     except KERNEL_FAILURES as failure:
         raise UnreadableFile(str(path), f"the kernel gave up reading it ({type(failure).__name__})") from failure
     if shape is None or shape.IsNull():
@@ -104,9 +108,9 @@ def _ends_right(tail: bytes, ending: str) -> bool:
     return any(fullmatch(rb"\s*[-+ie]\d+ \d+\s*", line) for line in lines[-2:])
 
 
-def _read_step(path: Path) -> TopoDS_Shape | None:
+def _read_step(path: Path, *, healed: bool) -> TopoDS_Shape | None:
     reader = STEPControl_Reader()
-    shape = _transferred(reader, path)
+    shape = _transferred(reader, path, healed=healed)
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         accuracies = [float(figure) for figure in findall(_STEP_ACCURACY, content)]
     units = texts_from_kernel(reader.FileUnits, 3)[0]
@@ -125,6 +129,18 @@ def _read_iges(path: Path) -> TopoDS_Shape | None:
     return shape
 
 
+def _no_healing() -> Resource_DataMapOfAsciiStringAsciiString:
+    """Every kind of mending that the kernel's reader knows, switched off."""
+    modes = Resource_DataMapOfAsciiStringAsciiString()
+    for kind in _MENDED:
+        modes.Bind(TCollection_AsciiString(f"FixShape.Fix{kind}Mode"), TCollection_AsciiString("0"))
+    return modes
+
+
+_MENDED = (
+    *("Solid", "Shell", "ShellOrientation", "Face", "Wire", "FreeShell", "FreeFace", "FreeWire"),
+    *("SameParameter", "VertexPosition", "VertexTolerance"),
+)
 _STEP_ACCURACY = rb"UNCERTAINTY_MEASURE_WITH_UNIT\s*\(\s*LENGTH_MEASURE\s*\(\s*([0-9.+\-Ee]+)\s*\)"
 _IN_MILLIMETRES = {"millimetre": 1.0, "metre": 1e3, "centimetre": 10.0, "inch": 25.4, "foot": 304.8, "micrometre": 1e-3}
 
@@ -140,9 +156,13 @@ def _set_stated_accuracy(shape: TopoDS_Shape, accuracy: float) -> None:
         limit.LimitTolerance(shape, accuracy, 0.0, kind)
 
 
-def _transferred(reader: STEPControl_Reader | IGESControl_Reader, path: Path) -> TopoDS_Shape | None:
+def _transferred(
+    reader: STEPControl_Reader | IGESControl_Reader, path: Path, *, healed: bool = True
+) -> TopoDS_Shape | None:
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise UnreadableFile(str(path), "the kernel cannot make sense of its content")
+    if not healed:
+        reader.SetShapeFixParameters(_no_healing())  # which reading a file would set back
     reader.TransferRoots()
     return reader.OneShape() if reader.NbShapes() else None
 
@@ -152,11 +172,7 @@ def _read_brep(path: Path) -> TopoDS_Shape | None:
     return shape if BRepTools.Read_s(shape, str(path), BRep_Builder()) else None
 
 
-_READERS = (
-    dict.fromkeys(STEP_ENDINGS, _read_step)
-    | dict.fromkeys(IGES_ENDINGS, _read_iges)
-    | dict.fromkeys(BREP_ENDINGS, _read_brep)
-)
+_READERS = dict.fromkeys(IGES_ENDINGS, _read_iges) | dict.fromkeys(BREP_ENDINGS, _read_brep)
 
 
 def same_after_reading(before: TopoDS_Shape, after: TopoDS_Shape, *, relative: float = 1e-4) -> ReadBack:

@@ -19,7 +19,8 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
 
 from brep_export.check_geometry import edge_gaps
-from brep_export.check_topology import EdgeUses, edge_uses, sub_shapes
+from brep_export.check_topology import sub_shapes
+from brep_export.survey import Survey, survey
 from recon.tolerance import Tolerance
 
 __all__ = ["Change", "repair"]
@@ -45,7 +46,7 @@ def repair(shape: TopoDS_Shape, tolerance: Tolerance) -> tuple[TopoDS_Shape, lis
     Promises  an empty list of changes when the gate's lines 1 to 3 found nothing to mend.
     """
     shape = BRepBuilderAPI_Copy(shape).Shape()
-    changes = [_raise_tolerances(edge_uses(shape), tolerance.fit)]
+    changes = [_raise_tolerances(survey(shape), tolerance.fit)]
     shells = [TopoDS.Shell_s(shell) for shell in sub_shapes(shape, _SHELL)]
     turned, flipped = _turned(shells)
     changes.append(Change("face-turned", "shells some of whose faces were turned over", flipped))
@@ -62,9 +63,9 @@ def repair(shape: TopoDS_Shape, tolerance: Tolerance) -> tuple[TopoDS_Shape, lis
 _REBUILDS = ("face-turned", "solid-made", "solid-turned", "shell-marked")
 
 
-def _raise_tolerances(uses: EdgeUses, allowed: float) -> Change:
+def _raise_tolerances(seen: Survey, allowed: float) -> Change:
     """Tolerances that are smaller than the gap they should cover, where the gap is one that may be covered."""
-    gaps = edge_gaps(uses)
+    uses, gaps = seen.uses, edge_gaps(seen)
     builder, raised = BRep_Builder(), set()
     for edge, number, gap in zip(uses.use_edges, uses.edge.tolist(), gaps.on_faces.tolist()):
         if BRep_Tool.Tolerance_s(edge) * 1.001 < gap <= allowed and gap > 1e-7:

@@ -1,7 +1,8 @@
 """A shape as the gate and the writers look at it, fetched from the kernel once.
 
 Calls into the kernel cost more than what they bring, where a shape has tens of thousands of faces: so uses of edges,
-control nets and straight pcurves are fetched here, and all that is measured from them is measured in arrays.
+control nets, straight pcurves and planar faces are fetched here, and all that is measured from them is measured in
+arrays.
 
           v ^  e2 <--- s2
             |  |        ^         a face is whole when its uses run once around the border of the parameter rectangle;
@@ -22,6 +23,7 @@ from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.check_topology import EdgeUses, edge_uses
 from brep_export.face_nets import FaceNets, NetGroup, face_nets
+from brep_export.flat_faces import FlatFaces, flat_faces
 from brep_export.occ_arrays import points_from_kernel
 
 __all__ = ["Survey", "survey"]
@@ -38,15 +40,17 @@ _REVERSED = TopAbs_Orientation.TopAbs_REVERSED
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Uses of edges of a shape, control nets of its faces, and straight pcurves.
+    """Uses of edges of a shape, control nets of its faces, straight pcurves, and planar faces.
 
     ends      (M, 2, 2) parameter pairs of every use at the two ends of its edge's own range; NaN where its face is in
               no group of nets, or its pcurve neither straight nor along the border
     straight  (M,) whether the pcurve is a line, run through at even speed
+    planes    its planar faces between straight edges
     """
 
     uses: EdgeUses
     nets: FaceNets
+    planes: FlatFaces
     ends: Floats
     straight: Flags
 
@@ -103,7 +107,7 @@ def survey(shape: TopoDS_Shape) -> Survey:
             ends.append((u + first * to_u, v + first * to_v, u + last * to_u, v + last * to_v))
         else:
             ends.append(_along_border(pcurve, BRep_Tool.Surface_s(face).Bounds()) if pcurve is not None else NOWHERE)
-    return Survey(uses, nets, np.array(ends).reshape(-1, 2, 2), np.array(straight, dtype=bool))
+    return Survey(uses, nets, flat_faces(uses), np.array(ends).reshape(-1, 2, 2), np.array(straight, dtype=bool))
 
 
 def _along_border(curve: Geom2d_Curve, bounds: tuple[float, float, float, float]) -> tuple[float, ...]:

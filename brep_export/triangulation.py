@@ -13,23 +13,26 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from OCP.BRep import BRep_Tool
+from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.Poly import Poly_Triangulation
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from brep_export.check_topology import sub_shapes
+from brep_export.flat_faces import FlatFaces
 from recon.geometry.mesh import TriangleMesh
 
 __all__ = ["ShapeTriangulation", "triangulate"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+MANY = 1000  # flat faces from which on it pays to look for triangles among them
 
 _EDGE, _FACE, _VERTEX = TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_VERTEX
 
@@ -49,19 +52,57 @@ class ShapeTriangulation:
 
 
 def triangulate(
-    shape: TopoDS_Shape, deflection: float, *, angle: float = 0.5, name: str = "shape"
+    shape: TopoDS_Shape,
+    deflection: float,
+    *,
+    angle: float = 0.5,
+    name: str = "shape",
+    planes: FlatFaces | None = None,
 ) -> ShapeTriangulation:
     """Triangles that stay within a distance of the faces; the shape itself is left as it was.
 
     deflection  length, largest distance between an edge, or face, and its triangles
     angle       radians, largest turn from one triangle to the next along an edge
+    planes      of this shape: faces that are triangles already are taken as they are
     """
+    if planes is not None and planes.flat.sum() > MANY and planes.uses.is_solid.all():
+        return _around_triangles(planes, deflection, angle, name)
     shape = BRepBuilderAPI_Copy(shape, False, False).Shape()
     BRepMesh_IncrementalMesh(shape, deflection, False, angle, False)
     join = _Joiner(shape)
     for face in sub_shapes(shape, _FACE):
         join.add(TopoDS.Face_s(face))
     return join.result(name)
+
+
+def _around_triangles(planes: FlatFaces, deflection: float, angle: float, name: str) -> ShapeTriangulation:
+    """The kernel's triangles of the other faces, joined to the known ones at the vertices that they share."""
+    faces = planes.uses.faces
+    known, corners = planes.triangles()
+    rest = np.setdiff1d(np.arange(len(faces)), known)
+    compound, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(compound)
+    for face in rest.tolist():
+        builder.Add(compound, faces[face])
+    copy = BRepBuilderAPI_Copy(compound, False, False)
+    if len(rest):
+        BRepMesh_IncrementalMesh(copy.Shape(), deflection, False, angle, False)
+    join = _Joiner(copy.Shape())
+    for face in sub_shapes(copy.Shape(), _FACE):
+        join.add(TopoDS.Face_s(face))
+    join.add_triangles(corners, planes.points, _numbers_in(join, planes, compound, copy))
+    return join.result(name, np.concatenate([rest, known]))
+
+
+def _numbers_in(join: "_Joiner", planes: FlatFaces, compound: TopoDS_Compound, copy: BRepBuilderAPI_Copy) -> Ints:
+    """Of all vertices, those in the joined mesh; -1 for those that its copy of the compound does not have."""
+    numbers = np.full(len(planes.vertices), -1, dtype=np.int64)
+    in_compound = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(compound, _VERTEX, in_compound)
+    for vertex, corner in enumerate(planes.vertices):
+        if in_compound.Contains(corner):
+            numbers[vertex] = join.number_of(copy.ModifiedShape(corner))
+    return numbers
 
 
 class _Joiner:
@@ -121,7 +162,7 @@ class _Joiner:
     def _end(self, vertex: TopoDS_Shape, point: Floats) -> int:
         if vertex.IsNull():
             return int(self._new(point[None])[0])
-        number = int(self._vertex_numbers.FindIndex(vertex)) - 1
+        number = self.number_of(vertex)
         self._points[0][number] = point
         return number
 
@@ -130,15 +171,30 @@ class _Joiner:
         self._n += len(points)
         return np.arange(self._n - len(points), self._n, dtype=np.int64)
 
-    def result(self, name: str) -> ShapeTriangulation:
+    def number_of(self, vertex: TopoDS_Shape) -> int:
+        return int(self._vertex_numbers.FindIndex(vertex)) - 1
+
+    def add_triangles(self, corners: Ints, points: Floats, numbers: Ints) -> None:
+        """Faces (n, 3) that are one triangle each; numbers (V,) of their corners here, -1 of those that are new."""
+        old = numbers >= 0
+        self._points[0][numbers[old]] = points[old]
+        numbers = numbers.copy()
+        numbers[~old] = self._new(points[~old])
+        self._triangles += list(numbers[corners][:, None])
+
+    def result(self, name: str, order: Ints | None = None) -> ShapeTriangulation:
+        """All triangles, face by face; `order` gives the number of every face that was added, in place of 0, 1, ..."""
+        order = np.arange(len(self._triangles)) if order is None else order
         triangles = np.concatenate([np.empty((0, 3), dtype=np.int64), *self._triangles])
-        faces = np.repeat(np.arange(len(self._triangles)), [len(t) for t in self._triangles]).astype(np.int64)
+        faces = np.repeat(order, [len(t) for t in self._triangles]).astype(np.int64)
+        by_face = np.argsort(faces, kind="stable")
+        triangles, faces = triangles[by_face], faces[by_face]
         a, b, c = triangles.T
         whole = (a != b) & (b != c) & (c != a)  # others are collapsed
         triangles, faces = triangles[whole], faces[whole]
         used, renumbered = np.unique(triangles, return_inverse=True)
         mesh = TriangleMesh(np.concatenate(self._points)[used], renumbered.reshape(-1, 3), name)
-        return ShapeTriangulation(mesh, faces, tuple(self._missing))
+        return ShapeTriangulation(mesh, faces, tuple(order[self._missing].tolist()))
 
 
 def _triangles(nodes: Poly_Triangulation) -> Ints:

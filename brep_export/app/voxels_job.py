@@ -54,7 +54,7 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
     shape = _together([body.shape for body in solids])
     report = gate(shape, tolerance, ShapeKind.SOLID, bench)
     named = dict(request) | {"name": request["name"] or Path(request["inputs"][0]).name.split(".")[0]}
-    straight = _written_straight(solids, named, bench)
+    straight = _written_straight(solids, named, report, bench)
     report, written = write_files(
         shape,
         report,
@@ -150,7 +150,7 @@ def _together(shapes: list[TopoDS_Shape]) -> TopoDS_Shape:
 
 
 def _written_straight(
-    solids: list[VoxelBody], request: Mapping[str, Any], bench: Bench
+    solids: list[VoxelBody], request: Mapping[str, Any], report: CheckReport, bench: Bench
 ) -> dict[str, Callable[[Path], None]]:
     """STEP files that are written from arrays, each with what writes it: those of one large faceted solid."""
     polyhedron = solids[0].polyhedron
@@ -160,7 +160,7 @@ def _written_straight(
     if paths:
         size = faceted_step_size(polyhedron) / 2**20
         bench.note(f"a STEP file of {len(polyhedron.faces)} planar faces: about {size:.0f} MB", name="large-file")
-    measures = measure(solids[0].shape)
+    measures = report.measures or measure(solids[0].shape)
 
     def write(path: Path) -> None:
         back = write_faceted_step(polyhedron, path, header=FileHeader(name=request["name"]), measures=measures)
