@@ -273,7 +273,7 @@ class _Fit:
         options = FitOptions(control_points=count, crease_angle=angle, robust=robust)
         mesh = _Fit(self._whole, options, self._doing).run().mesh
         folds_at_edges = self._options.scheme is Scheme.DOO_SABIN and len(mesh.crease_edges) > 0
-        return _on_its_surface(mesh) if folds_at_edges else mesh
+        return _on_its_surface(mesh) if folds_at_edges or self._scan.is_open else mesh
 
     def _first_count(self) -> int:
         if self._options.plain:
