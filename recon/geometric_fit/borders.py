@@ -46,9 +46,12 @@ class BorderPull(NamedTuple):
 
 
 class Borders:
-    """The border and the creases of one control mesh; empty where it, or the scan, has none."""
+    """The border and the creases of one control mesh; empty where it, or the scan, has none.
 
-    def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
+    has_slits  whether some creases are no sharp edges of the scan, but divide concave corners
+    """
+
+    def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData, *, has_slits: bool = False) -> None:
         self._patches = patches
         self._twins = _twins(patches)
         patch, side = np.nonzero((patches.arrays.across < 0) & (self._twins < _key(patches)))
@@ -61,7 +64,7 @@ class Borders:
         nowhere = np.empty((len(patch), 3))
         self._places, self._groups = Feet(patch, v, w, nowhere, nowhere), (is_border, ~is_border)
         self._to_places: sparse.csr_array = basis_rows(patches, self._places).matrix(mesh.n_vertices)
-        if len(scan.sharp_edges) and len(mesh.crease_edges):
+        if has_slits and len(scan.sharp_edges) and len(mesh.crease_edges):
             self._leave_out_slits(mesh, scan.sharp_tree)
 
     def _leave_out_slits(self, mesh: ControlMesh, tree: TriangleTree) -> None:

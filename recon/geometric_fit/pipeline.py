@@ -287,7 +287,8 @@ class _Fit:
 
     def _ground(self, mesh: ControlMesh) -> Ground:
         patches = limit_patches(mesh, self._options.scheme)
-        return Ground(mesh, patches, Guards(mesh, patches, self._scan), Borders(mesh, patches, self._scan))
+        borders = Borders(mesh, patches, self._scan, has_slits=self._options.scheme is Scheme.DOO_SABIN)
+        return Ground(mesh, patches, Guards(mesh, patches, self._scan), borders)
 
     def _refined(self, mesh: ControlMesh, found: Seen, cycle: int) -> Ground:
         """More control points where the error is, and even valences again.
@@ -308,11 +309,12 @@ class _Fit:
     def _with_fewer_folds(self, split: ControlMesh, evened: ControlMesh) -> Ground:
         """The second of these meshes, unless the surface folds more there.
 
-        Flips even the valences out, but may fold a surface that was smooth before.
+        Flips even the valences out, but may fold a surface that was smooth before. Catmull-Clark's surfaces come out of
+        such folds in the rounds, and are nearer for even valences.
         """
         flipped = self._ground(evened)
         n_folded = flipped.n_folded()
-        if n_folded == 0:
+        if n_folded == 0 or self._options.scheme is Scheme.CATMULL_CLARK:
             return flipped
         del flipped
         plain = self._ground(split)
