@@ -31,8 +31,14 @@ RUNS = {
     "hole_patch": Run("The missing piece", error="inside mean"),
     "hole_patch_peers": Run("The missing piece, beside programs that fill holes", error="inside mean"),
     "smoothing": Run("Taubin's filter", error="difference / diagonal"),
-    "geometric_fit": Run("Subdivision surfaces of scans", ("made^20000:400",), error="E_rms"),
-    "bspline_fit": Run("Spline faces of scans", ("made:torus^20000:400",), error="E_rms"),
+    "geometric_fit": Run(
+        "Subdivision surfaces of scans",
+        ("made^20000:400", "made^50000:588", "--schemes", "--updates", "docs/measured/geometric_fit_updates.png"),
+        error="E_rms",
+    ),
+    "bspline_fit": Run(
+        "Spline faces of scans", ("made:wavy^20000:400", "made:tube^20000:400", "made:torus^20000:400"), error="E_rms"
+    ),
     "limit_solids": Run("Limit surfaces as solids"),
     "terrain": Run("Contour lines to a ground", error="rms, m"),
     "voxel_mesh": Run("Voxels to a boundary", ("--half",), error="error"),

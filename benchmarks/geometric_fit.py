@@ -242,7 +242,7 @@ def main():
         "scans", nargs="*", default=[f"made^{n}:{n // SHARE}" for n in SIZES], help="SCAN:CONTROL_POINTS"
     )
     parser.add_argument("--schemes", action="store_true", help="Catmull-Clark and Doo-Sabin surfaces too")
-    parser.add_argument("--updates", type=Path, help="draw all updates side by side instead, of the first scan")
+    parser.add_argument("--updates", type=Path, help="draw all updates side by side, too, of the first scan")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     lines = []
@@ -251,17 +251,19 @@ def main():
         # compiled code is read from its cache once, outside the clock
         for scheme in Scheme:
             fit_surface(bumpy_ball(2000), FitOptions(scheme=scheme, control_points=200, plain=True))
+        table = Table(COLUMNS)
+        for word in options.scans:
+            word, count = word.rsplit(":", 1)
+            for line in row(Path(word).name, scan_of(word), int(count), options.schemes):
+                lines.append(line)
+                table.row(*cells(line))
+        print_growth([line for line in lines if line["scan"].startswith("made^")])
         if options.updates is not None:
             word, count = options.scans[0].rsplit(":", 1)
-            lines = draw_updates(options.updates, scan_of(word), int(count))
-        else:
-            table = Table(COLUMNS)
-            for word in options.scans:
-                word, count = word.rsplit(":", 1)
-                for line in row(Path(word).name, scan_of(word), int(count), options.schemes):
-                    lines.append(line)
-                    table.row(*cells(line))
-            print_growth([line for line in lines if line["scan"].startswith("made^")])
+            print(f"\nE_rms after rounds of all updates, of {word}:\n")
+            records = draw_updates(options.updates, scan_of(word), int(count))
+            lines.append({"updates": records})
+            print(f"\n![Error over rounds and over time]({options.updates.name})")
     if options.json is not None:
         options.json.write_text(json.dumps(lines, indent=1, default=float))
 

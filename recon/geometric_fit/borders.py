@@ -19,6 +19,7 @@ from recon.geometric_fit.foot_points import ROUGH, Feet, walk_feet
 from recon.geometric_fit.scan_data import ScanData
 from recon.geometric_fit.tangent_distance import basis_rows
 from recon.geometry.control_mesh import ControlMesh
+from recon.numerics.distance import TriangleTree
 from recon.subdivision.evaluation import points_at
 from recon.subdivision.limit_surface import LimitPatches
 
@@ -29,6 +30,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 ON_SIDE = 1e-12  # how far inside a place on a side may seem
+OFF = 0.15  # of a crease's edge off the sharp edges of the scan: it is none of these
 SHARES = (0.25, 0.75)  # of a border side, where it is sampled
 
 
@@ -44,9 +46,12 @@ class BorderPull(NamedTuple):
 
 
 class Borders:
-    """The border and the creases of one control mesh; empty where it, or the scan, has none."""
+    """The border and the creases of one control mesh; empty where it, or the scan, has none.
 
-    def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData) -> None:
+    has_slits  whether some creases are no sharp edges of the scan, but divide concave corners
+    """
+
+    def __init__(self, mesh: ControlMesh, patches: LimitPatches, scan: ScanData, *, has_slits: bool = False) -> None:
         self._patches = patches
         self._twins = _twins(patches)
         patch, side = np.nonzero((patches.arrays.across < 0) & (self._twins < _key(patches)))
@@ -59,6 +64,18 @@ class Borders:
         nowhere = np.empty((len(patch), 3))
         self._places, self._groups = Feet(patch, v, w, nowhere, nowhere), (is_border, ~is_border)
         self._to_places: sparse.csr_array = basis_rows(patches, self._places).matrix(mesh.n_vertices)
+        if has_slits and len(scan.sharp_edges) and len(mesh.crease_edges):
+            self._leave_out_slits(mesh, scan.sharp_tree)
+
+    def _leave_out_slits(self, mesh: ControlMesh, tree: TriangleTree) -> None:
+        """Samples of creases that are far from the sharp edges of the scan, as those that divide a corner are."""
+        is_border, on_crease = self._groups
+        ends = mesh.vertices[mesh.crease_edges]
+        edge = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
+        places = self._to_places @ mesh.vertices
+        kept = is_border | (tree.closest(places).distances < OFF * edge)
+        self._places, self._to_places = self._places.chosen(np.flatnonzero(kept)), self._to_places[kept]
+        self._groups = (is_border[kept], on_crease[kept])
 
     def pull(self, control_points: Floats) -> BorderPull:
         """Where the samples are, and where they should come to."""

@@ -21,10 +21,10 @@ from recon.geometric_fit.sharpening import SharpScan
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree
-from recon.numerics.halfedges import edge_table, free_edges
+from recon.numerics.halfedges import boundary_loops, edge_table
 from recon.numerics.rows import unit_vectors
 
-__all__ = ["n_loose_ends", "with_creases", "without_loose_ends"]
+__all__ = ["n_loose_ends", "with_creases"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -56,7 +56,12 @@ def with_creases(mesh: ControlMesh, scan: SharpScan, angle: float) -> ControlMes
     else:
         found = _angle_in_scan(mesh, scan.mesh, edges, outward) > CONFIRMED * angle
         creases = _chains(edges[found], mesh.vertices, len(table.edges))
-    corners = _corners(mesh.vertices, np.concatenate([creases, table.edges[table.uses == 1]]))
+    border = table.edges[table.uses == 1]
+    corners = _corners(mesh.vertices, np.concatenate([creases, border]))
+    on_border_alone = np.isin(corners, border) & ~np.isin(corners, creases)
+    if on_border_alone.any():
+        asked = corners[on_border_alone]
+        corners = np.union1d(corners[~on_border_alone], asked[_turn_in_scan(mesh.vertices, border, asked, scan.mesh)])
     return ControlMesh(mesh.vertices, mesh.face_corners, mesh.face_starts, creases, corners)
 
 
@@ -82,18 +87,6 @@ def _once_along_slivers(mesh: ControlMesh, edges: Ints) -> Ints:
 def n_loose_ends(mesh: ControlMesh) -> int:
     """How many vertices one crease alone leads to: many where the creases are ragged."""
     return int((np.bincount(mesh.crease_edges.ravel()) == 1).sum())
-
-
-def without_loose_ends(mesh: ControlMesh) -> ControlMesh:
-    """The mesh without creases that end inside the surface, which not every scheme has a limit for."""
-    creases, n = mesh.crease_edges, mesh.n_vertices
-    on_border = np.bincount(free_edges(mesh.triangle_mesh().face_vertices).ravel(), minlength=n) > 0
-    while len(creases):
-        loose = (np.bincount(creases.ravel(), minlength=n) == 1) & ~on_border
-        if not loose.any():
-            break
-        creases = creases[~loose[creases].any(axis=1)]
-    return ControlMesh(mesh.vertices, mesh.face_corners, mesh.face_starts, creases, mesh.corner_vertices)
 
 
 def _angle_in_scan(mesh: ControlMesh, scan: TriangleMesh, edges: Ints, outward: Floats) -> Floats:
@@ -128,6 +121,38 @@ def _chains(edges: Ints, vertices: Floats, n_edges: int) -> Ints:
     chain = chains_of(edges, len(vertices))
     long = chain_lengths(edges, vertices) >= LONG * np.linalg.norm(np.ptp(vertices, axis=0))
     return edges[np.bincount(chain)[chain] >= SHORTEST if long.sum() > EDGED * n_edges else long]
+
+
+def _turn_in_scan(vertices: Floats, border: Ints, corners: Ints, scan: TriangleMesh) -> Bools:
+    """(m,) whether the border of the scan turns sharply near these corners (m,) of the control mesh's border (B, 2).
+
+    The control mesh turns in a round hole, too, if it has few edges there.
+    """
+    ends = vertices[border]
+    length = np.full(len(vertices), np.inf)
+    np.minimum.at(length, border, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None])
+    loops = boundary_loops(scan.face_vertices)
+    tree = cKDTree(scan.vertices[np.concatenate(loops)])
+    _, nearest = tree.query(vertices[corners])
+    loop_of = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])
+    first = np.cumsum([0] + [len(loop) for loop in loops])
+    found = np.zeros(len(corners), dtype=np.bool_)
+    for number in np.unique(loop_of[nearest]).tolist():
+        asked = np.flatnonzero(loop_of[nearest] == number)
+        row = scan.vertices[loops[number]]
+        steps = np.linalg.norm(np.roll(row, -1, axis=0) - row, axis=1)
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        here = along[nearest[asked] - first[number]]
+        reach = REACH * length[corners[asked]]
+        before, at, after = (_places(row, along, here + k * reach) for k in (-1.0, 0.0, 1.0))
+        found[asked] = np.einsum("mi,mi->m", unit_vectors(at - before), unit_vectors(after - at)) < SHARP_TURN
+    return found
+
+
+def _places(row: Floats, along: Floats, wanted: Floats) -> Floats:
+    """(m, 3) places so far along a closed row of points (n, 3); along (n + 1,) how far each is, and the first again."""
+    closed = np.concatenate([row, row[:1]])
+    return np.stack([np.interp(wanted % along[-1], along, closed[:, k]) for k in range(3)], axis=1)
 
 
 def _corners(vertices: Floats, sharp: Ints) -> Ints:

@@ -127,7 +127,8 @@ def _blocks(places: NDArray[np.float32]) -> list[Ints]:
             continue
         at = places[block]
         half = len(block) // 2
-        order = np.argpartition(at[:, np.ptp(at, axis=0).argmax()], half)
+        sizes = [np.ptp(at[:, axis]) for axis in range(3)]
+        order = np.argpartition(at[:, np.argmax(sizes)], half)
         waiting += [block[order[:half]], block[order[half:]]]
     return done
 

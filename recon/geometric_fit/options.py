@@ -27,8 +27,7 @@ class FitOptions:
     plain           all control points from the start, no refinement and no reweighting
     rounds          on the last control mesh
     crease_angle    radians between two faces from which on an edge of the scan stays sharp, unless the fit is nearer
-                    without any sharp edge; pi: nowhere. With Doo-Sabin's scheme, where a crease cannot end inside the
-                    surface, such ends are left off
+                    without any sharp edge; pi: nowhere
     close           fill the holes of the scan first
     start           control mesh to begin with, of the scheme's kind of faces; None: one is made
     robust          points far off count less, not more: for scans with outliers

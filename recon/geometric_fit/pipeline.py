@@ -20,9 +20,10 @@ from threadpoolctl import threadpool_limits
 from recon.errors import BadGeometry, NoSurface
 from recon.geometric_fit.borders import Borders
 from recon.geometric_fit.convergence import StoppedBy, norms
-from recon.geometric_fit.creases import n_loose_ends, with_creases, without_loose_ends
+from recon.geometric_fit.creases import n_loose_ends, with_creases
 from recon.geometric_fit.crossings import without_crossings
 from recon.geometric_fit.exact_distances import Seen, exact_distances, seen
+from recon.geometric_fit.folding import unfolded
 from recon.geometric_fit.foot_points import Feet, Places, seed_feet, surface_samples
 from recon.geometric_fit.growth import CYCLES, Growth
 from recon.geometric_fit.guards import Guards
@@ -38,14 +39,16 @@ from recon.geometric_fit.sampling import Sample, joined_by, sample_of
 from recon.geometric_fit.scan_data import refuse_tangles, scan_data
 from recon.geometric_fit.settling import Ground, Rounds
 from recon.geometric_fit.sharpening import SharpScan, sharpened
+from recon.geometric_fit.slits import with_slits
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
-from recon.subdivision.limit_surface import Scheme, limit_patches
+from recon.subdivision.limit_surface import Scheme, limit_patches, limit_points
 
 __all__ = ["FitOptions", "FittedSurface", "fit_surface"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 FIRST_SHARE = 0.8  # of the control points are there from the start, the others come where the error is
 RAGGED, COARSER = 0.1, 0.7  # loose ends a crease from where on it starts with so much fewer control points
@@ -88,24 +91,22 @@ def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[s
     """
     if options.crease_angle >= np.pi or options.start is not None:
         return _Fit(scan, options, doing).run()
-    sharp: FittedSurface | None = None
+    attempts: list[FittedSurface] = []
     for attempt in _fewer(options):
         run = _Fit(scan, attempt, doing)
         try:
             found = run.run()
         except BadGeometry:  # edges that lie so close to each other that no limit is defined between them
             break
-        if not len(found.mesh.crease_edges) or (run.has_edges_put_back and not found.folds):
+        if not run.has_creases or (run.has_edges_put_back and not found.folds):
             return found
-        sharp = sharp or found
+        attempts.append(found)
         if not run.has_edges_put_back:
             break
         doing("fitting again with fewer control points, as the surface folds at a sharp edge")
     doing("fitting again without sharp edges")
-    smooth = _Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run()
-    if sharp is None:
-        return smooth
-    return min((sharp, smooth), key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
+    attempts.append(_Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run())
+    return min(attempts, key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
 
 
 def _fewer(options: FitOptions) -> list[FitOptions]:
@@ -120,7 +121,12 @@ def _fewer(options: FitOptions) -> list[FitOptions]:
 
 
 class _Fit:
-    """One run: the scan, what has been reached, and the record."""
+    """One run: the scan, what has been reached, and the record.
+
+    has_creases  whether the control mesh began with sharp edges
+    """
+
+    has_creases = False
 
     def __init__(self, scan: TriangleMesh, options: FitOptions, doing: Callable[[str], None]) -> None:
         self._options, self._doing = options, doing
@@ -150,6 +156,7 @@ class _Fit:
         start: Places | None = seeds.chosen(sample.at)
         del seeds  # of a scan of millions of points all room counts
         stopped, cycle, last, grows = None, 0, None, not self._options.plain
+        unfolded_mesh: ControlMesh | None = None
         while stopped is None:
             final = not grows or ground.mesh.n_vertices >= self._limit
             n_rounds = self._options.rounds if final else ROUNDS
@@ -167,6 +174,8 @@ class _Fit:
                 )
                 found = self._seen(ground, sample, feet)
                 del feet
+            if ground.n_folded() == 0:
+                unfolded_mesh = ground.mesh
             errors = norms(found.distances, self._scan.diagonal, self._scan.counts)
             stopped = self._growth.ended(errors, last, diagonal=self._scan.diagonal, final=final)
             if stopped is None:
@@ -177,6 +186,13 @@ class _Fit:
                 sample, weights = self._with_far(first, (sample, weights), found)
                 del found
                 start = None
+        if unfolded_mesh is not None and stopped is not StoppedBy.TOLERANCE and ground.n_folded():
+            self._doing("going back to fewer control points, as the surface folds with more")
+            del ground
+            ground, feet, weights = self._rounds.settled(
+                self._ground(unfolded_mesh), sample, weights, n_rounds=ROUNDS, start=None, reweighs=True
+            )
+            found = self._seen(ground, sample, feet)
         if self._options.start is not None:
             self._doing("looking for surface that cuts itself")
             ground = ground._replace(mesh=without_crossings(ground.mesh, ground.patches))
@@ -203,15 +219,22 @@ class _Fit:
         if self._options.start is not None:
             return self._options.start
         if self._options.scheme is Scheme.LOOP:
-            return self._triangles(self._first_count())
+            mesh = self._triangles(self._first_count())
+            self.has_creases = len(mesh.crease_edges) > 0
+            return mesh
         triangles = self._triangles if self._options.plain else self._fitted_triangles
-        if self._options.scheme is Scheme.CATMULL_CLARK:
-            return initial_quads(triangles, self._first_count(), evened=self._evened)
-        return initial_quads(lambda n: without_loose_ends(triangles(n)), self._first_count(), evened=self._evened)
+        quads = initial_quads(triangles, self._first_count(), evened=self._evened)
+        self.has_creases = len(quads.crease_edges) > 0
+        slit = self._slit(quads)
+        return slit if slit.n_vertices <= self._limit else quads
 
     def _evened(self, quads: ControlMesh) -> ControlMesh:
         """Even valences, and even spacing between sharp edges."""
         return relaxed(quads, self._sharp.mesh) if len(quads.crease_edges) else turned_to_even_valences(quads)
+
+    def _slit(self, quads: ControlMesh) -> ControlMesh:
+        """The mesh as Doo-Sabin's scheme needs it at concave corners."""
+        return with_slits(quads) if self._options.scheme is Scheme.DOO_SABIN else quads
 
     def _triangles(self, count: int) -> ControlMesh:
         """The scan simplified, its sharp edges marked, valences evened out."""
@@ -248,7 +271,9 @@ class _Fit:
         """The control mesh of a Loop surface: its points are where the error was, its valences even."""
         angle, robust = self._options.crease_angle, self._options.robust
         options = FitOptions(control_points=count, crease_angle=angle, robust=robust)
-        return _Fit(self._whole, options, self._doing).run().mesh
+        mesh = _Fit(self._whole, options, self._doing).run().mesh
+        folds_at_edges = self._options.scheme is Scheme.DOO_SABIN and len(mesh.crease_edges) > 0
+        return _on_its_surface(mesh) if folds_at_edges or self._scan.is_open else mesh
 
     def _first_count(self) -> int:
         if self._options.plain:
@@ -262,27 +287,59 @@ class _Fit:
 
     def _ground(self, mesh: ControlMesh) -> Ground:
         patches = limit_patches(mesh, self._options.scheme)
-        return Ground(mesh, patches, Guards(mesh, patches, self._scan), Borders(mesh, patches, self._scan))
+        borders = Borders(mesh, patches, self._scan, has_slits=self._options.scheme is Scheme.DOO_SABIN)
+        return Ground(mesh, patches, Guards(mesh, patches, self._scan), borders)
 
     def _refined(self, mesh: ControlMesh, found: Seen, cycle: int) -> Ground:
-        """More control points where the error is, and even valences again."""
+        """More control points where the error is, and even valences again.
+
+        Where new points fold the surface for good, faces around are left as they are.
+        """
         n_new = self._growth.more(mesh.n_vertices, cycle)
         worst = self._worst_faces(mesh, found, n_new)
-        if self._options.scheme is not Scheme.LOOP:
-            return self._ground(turned_to_even_valences(refine_quads(mesh, worst, n_new)))
-        split = split_faces(mesh, worst, n_new)
-        flipped = self._ground(_flipped(split))
+        ground = self._with_fewer_folds(*self._split(mesh, worst, n_new))
+        folded = _folded_for_good(ground)
+        if not folded.any():
+            return ground
+        corners = mesh.faces_of(int(mesh.face_starts[1]))[worst]
+        apart = worst[~np.isin(corners, np.flatnonzero(folded)).any(axis=1)]
+        again = self._with_fewer_folds(*self._split(mesh, apart, n_new))
+        return again if _folded_for_good(again).sum() < folded.sum() else ground
+
+    def _with_fewer_folds(self, split: ControlMesh, evened: ControlMesh) -> Ground:
+        """The second of these meshes, unless the surface folds more there.
+
+        Flips even the valences out, but may fold a surface that was smooth before. Catmull-Clark's surfaces come out of
+        such folds in the rounds, and are nearer for even valences.
+        """
+        flipped = self._ground(evened)
         n_folded = flipped.n_folded()
-        if n_folded == 0:
+        if n_folded == 0 or self._options.scheme is Scheme.CATMULL_CLARK:
             return flipped
-        # flips even the valences out, but may fold a surface that was smooth before
-        mesh = flipped.mesh
         del flipped
         plain = self._ground(split)
         if n_folded > plain.n_folded():
             return plain
         del plain
-        return self._ground(mesh)
+        return self._ground(evened)
+
+    def _split(self, mesh: ControlMesh, worst: Ints, n_new: int) -> tuple[ControlMesh, ControlMesh]:
+        """The worst faces split, by as many points as there are left when corners have become concave; and the same
+        with even valences."""
+        if self._options.scheme is Scheme.LOOP:
+            split = split_faces(mesh, worst, n_new)
+            return split, _flipped(split)
+        most = mesh.n_vertices + n_new
+        while True:
+            split = refine_quads(mesh, worst, n_new)
+            evened = turned_to_even_valences(split)
+            slit, slit_evened = self._slit(split), self._slit(evened)
+            excess = max(slit.n_vertices, slit_evened.n_vertices) - most
+            if excess <= 0:
+                return slit, slit_evened
+            if excess >= n_new:
+                return split, evened
+            n_new -= excess
 
     def _worst_faces(self, mesh: ControlMesh, found: Seen, n_new: int) -> Ints:
         n = self._scan.n_measured
@@ -314,9 +371,24 @@ class _Fit:
         )
 
 
+def _on_its_surface(triangles: ControlMesh) -> ControlMesh:
+    """The mesh with every point on the Loop surface; where that bends, its control points lie beside it."""
+    faces = triangles.faces_of(3)
+    vertices, corner = np.unique(faces, return_index=True)
+    v, w = (np.where(corner % 3 == i, 1.0, 0.0) for i in (1, 2))
+    points = triangles.vertices.copy()
+    points[vertices] = limit_points(triangles, (corner // 3, v, w))[:, 0]
+    return triangles.with_vertices(points)
+
+
 def _flipped(mesh: ControlMesh) -> ControlMesh:
     """Even valences; between sharp edges no slivers, which fold sooner than uneven valences do harm."""
     return flip_to_delaunay(mesh) if len(mesh.crease_edges) else flip_to_even_valences(mesh)
+
+
+def _folded_for_good(ground: Ground) -> Bools:
+    """(V,) the control points around folds that are left when these have been smoothed out as far as that goes."""
+    return ground.guards.folded(unfolded(ground.mesh, ground.guards)[0].vertices)
 
 
 def _is_ragged(mesh: ControlMesh) -> bool:

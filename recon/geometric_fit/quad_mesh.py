@@ -22,7 +22,7 @@ from recon.geometric_fit.quad_splits import inset, with_quads_only
 from recon.geometric_fit.quad_turns import faces_wanted, turned_to_even_valences
 from recon.geometric_fit.refinement import split_sides
 from recon.geometry.control_mesh import ControlMesh
-from recon.numerics.halfedges import opposite_sides
+from recon.numerics.halfedges import free_edges, opposite_sides
 from recon.subdivision.sheets import VertexKind, cut_along_creases
 
 __all__ = ["initial_quads", "paired", "without_doublets"]
@@ -244,8 +244,11 @@ class _Search:
 
 
 def without_doublets(mesh: ControlMesh, quads: Ints) -> ControlMesh:
-    """Two quadrilaterals around one vertex become one; then all that is left, renumbered."""
-    held = np.union1d(mesh.crease_edges, mesh.corner_vertices)
+    """Two quadrilaterals around one vertex become one; then all that is left, renumbered.
+
+    On a border two are as they should be.
+    """
+    held = np.union1d(np.union1d(mesh.crease_edges, mesh.corner_vertices), free_edges(quads))
     while True:
         count = np.bincount(quads.ravel(), minlength=mesh.n_vertices)
         lone = np.setdiff1d(np.flatnonzero(count == 2), held)

@@ -27,7 +27,7 @@ from scipy.sparse import csgraph
 from recon.errors import BadGeometry
 from recon.geometry.control_mesh import ControlMesh
 
-__all__ = ["inset", "refine_quads", "split_rows", "with_quads_only"]
+__all__ = ["cut_around", "inset", "refine_quads", "split_rows", "with_quads_only"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -84,6 +84,17 @@ def with_quads_only(mesh: ControlMesh) -> ControlMesh:
     return parts.cut(halved)
 
 
+def cut_around(mesh: ControlMesh, vertices: Ints) -> ControlMesh:
+    """The quadrilaterals around the given vertices cut in three, through the middles of all edges at these.
+
+    Promises  quadrilaterals only, no corner in the middle of a side; old vertices keep their numbers, creases stay.
+              Inside the surface the middles of edges have four faces. The mesh as it is where no cut conforms.
+    """
+    parts = _Faces(mesh)
+    halved = parts.evened(parts.edges_at(vertices), np.empty(0, dtype=np.int64))
+    return mesh if halved is None else parts.cut(halved)
+
+
 def inset(mesh: ControlMesh, chosen: Ints) -> ControlMesh:
     """A smaller quadrilateral put into each of the given ones: every corner gets a face more, and neighbours stay.
 
@@ -137,10 +148,22 @@ class _Faces:
 
     def joined(self, chosen: Ints) -> Bools | None:
         """(E,) the edges to halve so that the chosen faces are cut in four, or None where no set of edges does it."""
-        kept = np.zeros(len(self._corners), dtype=np.bool_)
-        kept[chosen] = True
         halved = np.zeros(self.n_edges, dtype=np.bool_)
         halved[self._on[chosen].ravel()] = True
+        return self.evened(halved, chosen)
+
+    def edges_at(self, vertices: Ints) -> Bools:
+        """(E,) the edges with one of these vertices for an end."""
+        return np.asarray(np.isin(self._ends, vertices).any(axis=1))
+
+    def evened(self, halved: Bools, chosen: Ints) -> Bools | None:
+        """(E,) these edges (E,) and those to halve beside them so that all faces can be cut, or None.
+
+        chosen  (m,) faces that are to stay as they are
+        """
+        kept = np.zeros(len(self._corners), dtype=np.bool_)
+        kept[chosen] = True
+        halved = halved.copy()
         count = np.where(self._on >= 0, halved[self._on], False).sum(axis=1)
         odd = set(np.flatnonzero(~kept & ((count % 2 == 1) != self._triangle)).tolist())
         for face in sorted(odd):

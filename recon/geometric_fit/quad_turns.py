@@ -20,7 +20,7 @@ from recon.geometric_fit.side_walks import cosine, join, next_side, share_a_face
 from recon.geometry.control_mesh import ControlMesh
 from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 
-__all__ = ["faces_wanted", "turned_to_even_valences"]
+__all__ = ["WIDEST", "corner_angles", "faces_wanted", "turned_to_even_valences"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -53,14 +53,19 @@ def faces_wanted(sheets: Sheets, x: Floats) -> tuple[Ints, Ints]:
     faces, kinds = sheets.faces, sheets.kinds
     corners = x[faces]
     out, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    lengths = np.linalg.norm(out, axis=2) * np.linalg.norm(back, axis=2)
-    cosine = np.einsum("fki,fki->fk", out, back) / np.maximum(lengths, 1e-300)
-    angle = np.bincount(faces.ravel(), np.arccos(np.clip(cosine, -1.0, 1.0)).ravel(), len(kinds))
+    angle = np.bincount(faces.ravel(), corner_angles(out, back).ravel(), len(kinds))
     square = np.maximum(np.round(angle / (np.pi / 2.0)), 1).astype(np.int64)
     wanted = np.select([kinds == VertexKind.BORDER, kinds == VertexKind.CORNER], [2, square], 4)
     enough = np.maximum(np.ceil(angle / WIDEST), 1).astype(np.int64)
     least = np.select([kinds == VertexKind.BORDER, kinds == VertexKind.CORNER], [2, enough], 3)
     return wanted, least
+
+
+def corner_angles(out: Floats, back: Floats) -> Floats:
+    """(F, 4) angles between the ways (F, 4, 3) from the corners of faces to the next corners and to those before."""
+    lengths = np.linalg.norm(out, axis=2) * np.linalg.norm(back, axis=2)
+    cosine = np.einsum("fki,fki->fk", out, back) / np.maximum(lengths, 1e-300)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 @njit(cache=True)

@@ -16,6 +16,10 @@ point of that face of the mesh; then only the middles of faces are irregular.
 A border is completed by faces of no width, every border vertex twice (at a corner four times): the surface then ends
 at the quadratic B-spline of the border's points, and in the corners. Refinement keeps such faces as they are.
 
+A corner lies in one patch, between the two sharp edges that leave it, and that patch covers less than two right angles:
+at a concave corner the surface folds, unless creases divide it. A crease may end inside the surface: both its sides run
+along the same line there and back, and beyond its end the surface is smooth.
+
 Paper  [doo1978], masks; [nasri1987], borders.
 """
 
@@ -85,8 +89,7 @@ def corner_weights(n: int) -> Floats:
 def doo_sabin_patches(mesh: ControlMesh) -> DualPatches:
     """Patches of the surface.
 
-    Raises  BadGeometry when a crease is semi-sharp or ends inside the surface, or a vertex has too many faces or under
-            three; NotManifold.
+    Raises  BadGeometry when a crease is semi-sharp, or a vertex has too many faces or under three; NotManifold.
     """
     if mesh.is_semi_sharp:
         raise BadGeometry("control mesh", "semi-sharp creases have no meaning in Doo-Sabin's scheme; make them sharp")
@@ -112,12 +115,7 @@ def doo_sabin_patches(mesh: ControlMesh) -> DualPatches:
 
 
 def _completed(sheets: PolygonSheets) -> _Completed:
-    """The mesh with faces (b, a, a', b') across borders a-b, and (a, a', a'', a') at a corner.
-
-    Raises    BadGeometry when a crease ends inside a face of the surface.
-    """
-    if (sheets.kinds == VertexKind.DART).any():
-        raise BadGeometry("control mesh", "a crease that ends inside the surface has no meaning in Doo-Sabin's scheme")
+    """The mesh with faces (b, a, a', b') across borders a-b, and (a, a', a'', a') at a corner."""
     corners, following, across, kinds = sheets
     n, n_inner = len(kinds), len(corners)
     free = np.flatnonzero(across < 0)

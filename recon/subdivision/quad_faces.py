@@ -88,8 +88,7 @@ def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, allowed: flo
 def doo_sabin_faces(mesh: ControlMesh, *, grouped: bool = True) -> LimitFaces:
     """Faces of the Doo-Sabin surface of a control mesh; as `catmull_clark_faces`, but for `allowed`.
 
-    Raises    BadGeometry when a vertex has too many faces, or a crease ends inside the surface or is semi-sharp;
-              NotManifold.
+    Raises    BadGeometry when a vertex has too many faces, or a crease is semi-sharp; NotManifold.
     """
     dual = doo_sabin_patches(mesh)
     arrays, across = dual.arrays, dual.sheets.across

@@ -5,6 +5,7 @@ import pytest
 from block_mesh import block
 from hull_meshes import bumpy_ball, disc
 from numpy.testing import assert_allclose
+from scipy.spatial import Delaunay
 
 from recon.errors import NotManifold
 from recon.geometric_fit.creases import with_creases
@@ -84,6 +85,23 @@ def test_creases_are_found_where_the_scan_is_sharp_and_nowhere_else():
     drawn = closest_points(places, sharp.vertices, sharp.crease_edges[:, [0, 1, 1]]).distances
     assert np.quantile(drawn, 0.9) < 0.06
     assert len(with_creases(initial_mesh(ball, 40), SharpScan(ball, NO_EDGES), RIGHT).crease_edges) == 0
+
+
+def test_corners_of_a_border_are_those_of_the_scan():
+    side = np.linspace(-1.0, 1.0, 41)
+    x, y = (a.ravel() for a in np.meshgrid(side, side, indexing="ij"))
+    radius = np.hypot(x, y)
+    # points next to the hole go onto its rim
+    rim = (radius > 0.4) & (radius < 0.45)
+    x[rim], y[rim] = 0.425 * x[rim] / radius[rim], 0.425 * y[rim] / radius[rim]
+    faces = Delaunay(np.stack([x, y], axis=1)).simplices.astype(np.int64)
+    faces = faces[(radius[faces] > 0.4).all(axis=1)]
+    used, faces = np.unique(faces, return_inverse=True)
+    scan = TriangleMesh(np.stack([x, y, 0 * x], axis=1)[used], faces.reshape(-1, 3), "sheet with a round hole")
+    marked = with_creases(initial_mesh(scan, 30), SharpScan(scan, NO_EDGES), RIGHT)
+    found = marked.vertices[marked.corner_vertices]
+    assert len(found) == 4
+    assert np.abs(np.abs(found[:, :2]) - 1.0).max() < 1e-6
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e4])

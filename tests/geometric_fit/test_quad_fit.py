@@ -12,6 +12,7 @@ from recon.geometric_fit.pipeline import FitOptions, fit_surface
 from recon.geometric_fit.quad_mesh import initial_quads, paired, without_doublets
 from recon.geometric_fit.quad_splits import inset, refine_quads, split_rows, with_quads_only
 from recon.geometric_fit.quad_turns import turned_to_even_valences
+from recon.geometric_fit.slits import with_slits
 from recon.geometric_fit.updates import Update
 from recon.geometric_fit.wrapping import wrapped
 from recon.geometry.control_mesh import ControlMesh
@@ -120,6 +121,33 @@ def test_rows_halved_where_the_error_is_make_no_irregular_vertex():
     assert is_whole(grown, 0)
     bands = np.linalg.norm(np.diff(grown.vertices[grown.faces_of(4)][:, :2], axis=1)[:, 0], axis=1)
     assert (bands < 0.7 * np.median(bands)).sum() >= 12
+
+
+def test_two_quadrilaterals_on_a_border_are_no_doublet():
+    # both faces have the corners 0, 2 and 5: only vertex 2, between them, goes
+    points = np.array([[0, 0, 0], [2, 0, 0], [1, 1, 0], [9, 9, 9], [0, 2, 0], [2, 2, 0.0]])
+    mesh = ControlMesh.from_faces(points, [[0, 1, 5, 2], [0, 2, 5, 4]])
+    merged = without_doublets(mesh, mesh.faces_of(4))
+    assert merged.n_faces == 1
+    assert_allclose(merged.vertices, points[[0, 1, 4, 5]])
+
+
+def test_concave_corners_are_divided_for_doo_sabin():
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(5), np.arange(5), indexing="ij"))
+    squares = [(a, b) for a in range(4) for b in range(4) if not (a < 2 and b < 2)]
+    faces = [[5 * a + b, 5 * a + 5 + b, 5 * a + 6 + b, 5 * a + b + 1] for a, b in squares]
+    used, faces = np.unique(faces, return_inverse=True)
+    points = np.stack([i, j, 0 * i], axis=1)[used].astype(float)
+    corner = np.flatnonzero((points == [2, 2, 0]).all(axis=1))
+    mesh = ControlMesh.from_faces(points, faces.reshape(-1, 4), corner_vertices=corner)
+    divided = with_slits(mesh)
+    assert is_whole(divided, 1)
+    assert divided.crease_edges.shape == (2, 2)
+    assert (divided.crease_edges == corner).any(axis=1).all()
+    drawn = tessellate(divided, scheme=Scheme.DOO_SABIN, halvings=3).area_vectors()
+    assert drawn[:, 2].min() > -1e-12
+    # corners of one face and straight borders need nothing
+    assert with_slits(ControlMesh.from_faces(points, faces.reshape(-1, 4))).n_vertices == mesh.n_vertices
 
 
 @pytest.mark.parametrize("seed", range(4))

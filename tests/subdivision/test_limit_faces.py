@@ -58,7 +58,7 @@ SEMI_SHARP = [
 ]
 CASES = (
     [(Scheme.CATMULL_CLARK, name, mesh) for name, mesh in {**QUADS, "dart": DART}.items()]
-    + [(Scheme.DOO_SABIN, name, mesh) for name, mesh in QUADS.items()]
+    + [(Scheme.DOO_SABIN, name, mesh) for name, mesh in {**QUADS, "dart": DART}.items()]
     + [(Scheme.LOOP, name, mesh) for name, mesh in TRIANGLES.items()]
     + [(Scheme.DOO_SABIN, name, mesh) for name, mesh in POLYGONS.items()]
     + [(scheme, "crossed", crossed(scheme)) for scheme in (Scheme.CATMULL_CLARK, Scheme.DOO_SABIN)]
