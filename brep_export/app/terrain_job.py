@@ -184,7 +184,7 @@ def _to_be_cut(
         raise BadOption("--base-level", f"must lie below the highest ground, {ground.jets.height.max():.2f} m")
     contours, told = contours_with(contours, ground, level)
     for note in told:
-        bench.note(note, name="base")
+        bench.note(note, name="ground")
     bench.doing("cutting at the base")
     return terrain_surface(contours, replace(options, tolerance=ground.tolerance), floor=level, doing=bench.doing)
 
