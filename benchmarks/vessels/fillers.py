@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from brep_export.app.patch_job import kernel_piece
 from brep_export.app.workshop import Bench, Exit
 from recon.geometry.mesh import TriangleMesh
-from recon.geometry.trimmed import ThickPiece
+from recon.geometry.trimmed import LipPiece, ThickPiece
 from recon.hole_patch.pipeline import patch_hole
 from recon.numerics.halfedges import vertex_normals
 from vessels.cases import outer_face
@@ -77,7 +77,7 @@ def patch(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any
         kernel_piece(piece)
     face, edge = outer_face(piece), piece.outer.edge_distance
     filled = {"sherds": (face.vertices, face.face_vertices, meter)}
-    yields = "solid" if isinstance(piece.shape, ThickPiece) else "face"
+    yields = "solid" if isinstance(piece.shape, ThickPiece | LipPiece) else "face"
     return Exit.WRITTEN, {"filled": filled, "yields": yields, "edge": (edge.mean(), edge.max())}, ()
 
 
