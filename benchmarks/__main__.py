@@ -99,11 +99,11 @@ def _draw(text: str, error: str, path: Path) -> bool:
         ax.barh(range(len(rows)), [_number(row[column]) for row in rows], log=True)
         for bar, row in zip(ax.patches, rows):
             bar.set_color(colours(methods.index(row["method"]) % 10))
-        ax.set_yticks(range(len(rows)), [_label(row) for row in rows], fontsize=6)
+        ax.set_yticks(range(len(rows)), [_label(row) for row in rows] if ax is axes[0, 0] else [], fontsize=6)
         ax.invert_yaxis()
         ax.set_title(column, fontsize=9)
     figure.tight_layout()
-    figure.savefig(path, dpi=90)
+    figure.savefig(path, dpi=90, bbox_inches="tight")
     plt.close(figure)
     return True
 
