@@ -55,10 +55,9 @@ def kind_of(step: str) -> str:
 
 
 def run_key(command: str, request: Mapping[str, Any]) -> RunKey:
-    """The key of a run that is about to begin; inputs that are missing weigh nothing, the job will say so."""
+    """The key of a run that is about to begin; inputs that cannot be seen weigh nothing, the job will say so."""
     options = json.dumps(options_chosen(request), sort_keys=True, default=str)
-    size = sum(Path(path).stat().st_size for path in request["inputs"] if Path(path).is_file())
-    return RunKey(command, sha256(options.encode()).hexdigest()[:16], size)
+    return RunKey(command, sha256(options.encode()).hexdigest()[:16], sum(map(_size, request["inputs"])))
 
 
 def recall(key: RunKey) -> EarlierRun | None:
@@ -78,6 +77,12 @@ def remember(key: RunKey, steps: Sequence[tuple[str, float]], seconds: float) ->
         part = path.with_suffix(f".{os.getpid()}")
         part.write_text(json.dumps([asdict(run) for run in runs]), encoding="utf-8")
         part.replace(path)
+
+
+def _size(path: str) -> int:
+    with suppress(OSError):
+        return Path(path).stat().st_size
+    return 0
 
 
 def _kept(command: str) -> list[EarlierRun]:

@@ -25,7 +25,7 @@ FORMATS = {
     ".json": "numbers",
     ".geojson": "contour lines",
 }
-SAID_ELSEWHERE = ("inputs", "outputs", "picture", "report", "endings", "more_endings", "debug", "header_unit")
+SAID_ELSEWHERE = ("inputs", "outputs", "picture", "report", "page", "endings", "more_endings", "debug", "header_unit")
 
 
 def plan(command: str, request: Mapping[str, Any]) -> dict[str, Any]:

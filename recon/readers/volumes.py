@@ -35,7 +35,7 @@ def read_volume(path: str | Path, *, spacing: Floats | None = None) -> Volume:
     """
     file = Path(path)
     if file.is_dir():
-        volume = read_dicom(file)
+        volume = _read(read_dicom, file)
     else:
         ending = _ending(file)
         if ending not in _READERS:
