@@ -21,7 +21,7 @@ from recon.geometry.contour_map import ContourMap
 from recon.numerics.smoothing_spline import bezier_segments, fitted_coefficients, fitted_knots, worst_misses
 from recon.terrain.contour_curves import ContourCurves, segments_of
 
-__all__ = ["ContourFits", "ContourSamples", "contour_samples", "fit_contours", "point_spacing"]
+__all__ = ["ContourFits", "ContourSamples", "contour_samples", "point_spacing"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -73,17 +73,6 @@ def point_spacing(contours: ContourMap) -> float:
     return float(np.median(steps[steps > 0]))
 
 
-def fit_contours(samples: ContourSamples, tolerance: float, tight: Floats | None = None) -> ContourCurves:
-    """Splines through the contours, to `tolerance` metres wherever the given points allow it.
-
-    tight     (n, 2) places near which the curves of an earlier fit met: each time that one is named, the points around
-              may miss a fifth of what they might before
-    Promises  ends of open contours are kept exactly; closed contours close with continuous curvature.
-    Paper     [zhang2006], section 3 (1).
-    """
-    return ContourFits(samples).curves(tolerance, tight)
-
-
 class ContourFits:
     """Fits of the same contours, one after another: a spline whose points may miss what they might before is kept."""
 
@@ -92,7 +81,13 @@ class ContourFits:
         self._known: dict[int, tuple[Floats, float, _Spline]] = {}
 
     def curves(self, tolerance: float, tight: Floats | None = None) -> ContourCurves:
-        """As `fit_contours`."""
+        """Splines through the contours, to `tolerance` metres wherever the given points allow it.
+
+        tight     (n, 2) places near which the curves of an earlier fit met: each time that one is named, the points
+                  around may miss a fifth of what they might before
+        Promises  ends of open contours are kept exactly; closed contours close with continuous curvature.
+        Paper     [zhang2006], section 3 (1).
+        """
         splines = self._splines(_allowed(self._samples, tolerance, tight))
         return _pliant(splines, self._samples, tolerance)
 

@@ -140,5 +140,8 @@ def test_runs_are_alike_by_what_was_chosen_not_by_their_files(tmp_path):
     }
     key = run_key("fit", request)
     assert key.size == 5
-    assert key.options == run_key("fit", {**request, "inputs": [], "outputs": ["b.step"], "page": "another folder"}).options
+    assert (
+        key.options
+        == run_key("fit", {**request, "inputs": [], "outputs": ["b.step"], "page": "another folder"}).options
+    )
     assert key.options != run_key("fit", {**request, "tolerance": 0.2}).options

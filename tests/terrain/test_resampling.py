@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from recon.geometry.contour_map import ContourMap
-from recon.terrain.resampling import contour_samples, fit_contours
+from recon.terrain.resampling import ContourFits, contour_samples
 
 SPACING, TOLERANCE = 10.0, 2.6
 SLANT = np.radians(8.0)  # between the contour and the border on which it ends
@@ -27,7 +27,7 @@ def end_told(contours: ContourMap):
 
 
 def test_a_contour_that_is_told_how_to_end_does_not_follow_every_waver_beside_the_border():
-    curves = fit_contours(end_told(slanting_contour()), TOLERANCE)
+    curves = ContourFits(end_told(slanting_contour())).curves(TOLERANCE)
     assert curves.lengths().min() > 2 * SPACING
     assert (curves.bezier[:, :, 0].ravel()[:-1] > 0.0).all()  # and it stays on the map
     way = curves.bezier[-1, 3] - curves.bezier[-1, 2]
