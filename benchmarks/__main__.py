@@ -42,6 +42,7 @@ RUNS = {
     "limit_solids": Run("Limit surfaces as solids"),
     "terrain": Run("Contour lines to a ground", error="rms, m"),
     "voxel_mesh": Run("Voxels to a boundary", ("--half",), error="error"),
+    "voxel_blocks": Run("Voxels by blocks", ("192", "--block", "96")),
     "three_view": Run("Drawings to solids"),
     "kernel_door": Run("Building kernel solids"),
     "robustness": Run("Inputs drawn by chance"),

@@ -16,6 +16,7 @@ NOTES = (
     "folds",
     "off-limit",
     "ground",
+    "blocks",
     "dropped",
     "not-merged",
     "flat-facets",

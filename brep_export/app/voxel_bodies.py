@@ -28,7 +28,7 @@ from recon.voxel_mesh.revoxelise import WrongSide, turned_wrong_side, wrong_side
 from recon.voxel_mesh.topology import grid_topology
 from recon.voxel_mesh.turned import turned_part
 
-__all__ = ["DEFLECTION", "FIT", "FLAT", "VoxelBody", "analytic_body", "faceted_body"]
+__all__ = ["DEFLECTION", "FIT", "FLAT", "VoxelBody", "analytic_body", "boundary_body", "faceted_body"]
 
 Floats = NDArray[np.float64]
 
@@ -61,11 +61,15 @@ def faceted_body(grid: VoxelGrid, options: VoxelOptions, *, bench: Bench) -> Vox
     """Planar faces: the simplified boundary, coplanar triangles joined."""
     with bench.phase("reconstruct", "finding the boundary"):
         boundary = voxel_boundary(grid, options, doing=bench.doing)
+    return boundary_body(boundary.mesh, boundary.errors, grid.voxel, boundary.figures(), bench)
+
+
+def boundary_body(mesh: TriangleMesh, errors: Floats, voxel: float, figures: dict[str, Any], bench: Bench) -> VoxelBody:
+    """The solid within a boundary; errors (n,) in voxels, the length of one in model units."""
     with bench.phase("brep", "building the solid"):
-        polyhedron = _polyhedron(boundary.mesh, FLAT * grid.voxel, bench)
+        polyhedron = _polyhedron(mesh, FLAT * voxel, bench)
         shape = polyhedron_solid(polyhedron)
-    figures = boundary.figures() | {"analytic": None}
-    return VoxelBody(shape, boundary.errors * grid.voxel, figures, polyhedron)
+    return VoxelBody(shape, errors * voxel, figures | {"analytic": None}, polyhedron)
 
 
 def _polyhedron(mesh: TriangleMesh, tolerance: float, bench: Bench) -> Polyhedron:

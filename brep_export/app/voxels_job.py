@@ -1,6 +1,7 @@
 """The job behind `recon voxels`: a volume to the boundary of its solid voxels, through the gate, to files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from OCP.TopoDS import TopoDS_Compound, TopoDS_Shape
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.result import result, statistics
 from brep_export.app.scene import Measured, mesh_part
+from brep_export.app.voxel_blocks import block_bodies, block_size, solid_sources
 from brep_export.app.voxel_bodies import DEFLECTION, FIT, FLAT, VoxelBody, analytic_body, faceted_body
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
@@ -22,8 +24,9 @@ from brep_export.measures import measure
 from brep_export.read_back import STEP_ENDINGS
 from brep_export.triangulation import triangulate
 from recon.errors import BadOption, NotWritten
-from recon.geometry.voxel_grid import Volume, VoxelGrid, binary_grid, volume_labels
+from recon.geometry.voxel_grid import PlacedGrid, Volume, VoxelGrid, binary_grid, volume_labels
 from recon.numerics.distance import closest_points
+from recon.readers.volume_windows import open_volume
 from recon.readers.volumes import read_volume
 from recon.tolerance import Tolerance
 from recon.voxel_mesh.marching_cubes import marching_cubes
@@ -41,16 +44,12 @@ LARGE = 5_000  # planar faces from which on the kernel's own STEP writer is pass
 def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the volume, find the boundary, build the solid, prove it, write it."""
     options = _options(request)
-    with bench.phase("read", "reading the volume"):
-        volume = read_volume(request["inputs"][0], spacing=_spacing(request["spacing"]))
-        grids = [_cleaned(grid, request, bench) for grid in _grids(volume, request)]
     if request["snap"] is not None and not request["analytic"]:
         raise BadOption("--snap", "is for true faces; ask for them with --analytic")
-    if request["analytic"]:
-        solids = [analytic_body(grid, options, snap=request["snap"], bench=bench) for grid in grids]
-    else:
-        solids = [faceted_body(grid, options, bench=bench) for grid in grids]
-    tolerance = Tolerance(merge=FLAT * grids[0].voxel, fit=FIT * grids[0].voxel)
+    block = block_size(request, bench)
+    made = _by_blocks(request, options, block, bench) if block else _as_a_whole(request, options, bench)
+    solids = made.bodies
+    tolerance = Tolerance(merge=FLAT * made.voxel, fit=FIT * made.voxel)
     shape = _together([body.shape for body in solids])
     report = gate(shape, tolerance, ShapeKind.SOLID, bench)
     named = dict(request) | {"name": request["name"] or Path(request["inputs"][0]).name.split(".")[0]}
@@ -62,7 +61,7 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
         bench,
         paint=partial(_paint, report),
         beside=straight,
-        measured=partial(_measured, grids, shape),
+        measured=partial(made.measured, shape),
     )
     reasons = tuple(str(defect) for defect in report.defects)
     answer = result(
@@ -77,10 +76,44 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
             against="the marching cubes surface of the grid, both ways",
         ),
         seconds=bench.seconds | {"total": bench.elapsed()},
-        room=_figures(grids, solids),
+        room=made.figures | _figures(solids),
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """Bodies, the length of a voxel, figures of the volume, and what of it is shown beside a shape."""
+
+    bodies: list[VoxelBody]
+    voxel: float
+    figures: dict[str, Any]
+    measured: Callable[[TopoDS_Shape], Measured] = lambda shape: Measured()
+
+
+def _as_a_whole(request: Mapping[str, Any], options: VoxelOptions, bench: Bench) -> _Made:
+    with bench.phase("read", "reading the volume"):
+        volume = read_volume(request["inputs"][0], spacing=_spacing(request["spacing"]))
+        grids = [_cleaned(grid, request, bench) for grid in _grids(volume, request)]
+    if request["analytic"]:
+        bodies = [analytic_body(grid, options, snap=request["snap"], bench=bench) for grid in grids]
+    else:
+        bodies = [faceted_body(grid, options, bench=bench) for grid in grids]
+    figures = _places(grids[0], sum(int(grid.solid.sum()) for grid in grids), grids[0].solid.shape)
+    return _Made(bodies, grids[0].voxel, figures, partial(_measured, grids))
+
+
+def _by_blocks(request: Mapping[str, Any], options: VoxelOptions, size: int, bench: Bench) -> _Made:
+    with bench.phase("read", "looking through the volume"):
+        source = open_volume(request["inputs"][0], spacing=_spacing(request["spacing"]))
+        solids = solid_sources(source, request)
+    bodies = block_bodies(solids, options, size, request["scheduler"], bench)
+    return _Made(bodies, source.voxel, _places(source, sum(body.figures["voxels"] for body in bodies), source.shape))
+
+
+def _places(grid: PlacedGrid, n_solid: int, shape: Sequence[int]) -> dict[str, Any]:
+    return {"voxels": n_solid, "shape": list(shape), "spacing": grid.spacing.tolist()}
 
 
 def _options(request: Mapping[str, Any]) -> VoxelOptions:
@@ -170,7 +203,7 @@ def _written_straight(
     return dict.fromkeys(paths, write)
 
 
-def _figures(grids: list[VoxelGrid], solids: list[VoxelBody]) -> dict[str, Any]:
+def _figures(solids: list[VoxelBody]) -> dict[str, Any]:
     """Sums over the labels where something is counted, the worst where something is measured."""
     figures = dict(solids[0].figures)
     for body in solids[1:]:
@@ -179,12 +212,8 @@ def _figures(grids: list[VoxelGrid], solids: list[VoxelBody]) -> dict[str, Any]:
         for key in ("max_error_voxels", "rms_error_voxels"):
             figures[key] = max(figures[key], body.figures[key])
     figures["reduction"] = 1.0 - figures["faces"] / figures["faces_marching_cubes"]
-    return {
-        "voxels": sum(int(grid.solid.sum()) for grid in grids),
-        "shape": list(grids[0].solid.shape),
-        "spacing": grids[0].spacing.tolist(),
-        **figures,
-    }
+    figures.pop("voxels", None)  # summed over the labels elsewhere
+    return figures
 
 
 def _measured(grids: list[VoxelGrid], shape: TopoDS_Shape) -> Measured:

@@ -17,14 +17,14 @@ from recon.errors import BadGeometry, BadOption
 from recon.geometry.arrays import frozen_floats
 from recon.geometry.mesh import TriangleMesh
 
-__all__ = ["Volume", "VoxelGrid", "binary_grid", "volume_labels"]
+__all__ = ["PlacedGrid", "Volume", "VoxelGrid", "binary_grid", "volume_labels"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class _Placed:
+class PlacedGrid:
     """Where the voxels of a grid lie."""
 
     spacing: Floats = field(default_factory=lambda: np.ones(3))
@@ -39,47 +39,6 @@ class _Placed:
             raise BadGeometry(self.name, f"spacing {self.spacing.tolist()} must be positive")
         if abs(abs(np.linalg.det(self.direction)) - 1.0) > 1e-3:
             raise BadGeometry(self.name, "the directions of its axes are not at right angles")
-
-
-@dataclass(frozen=True, eq=False)
-class Volume(_Placed):
-    """Values of a scan or a segmentation; values (X, Y, Z) of any number type.
-
-    Raises  BadGeometry when there are not three axes, or the spacing or the directions make no grid.
-    """
-
-    values: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 0, 0)))
-
-    def __post_init__(self) -> None:
-        values = np.asarray(self.values)
-        if values.ndim != 3 or 0 in values.shape:
-            raise BadGeometry(self.name, f"has shape {values.shape} where a grid of three axes is needed")
-        if values.dtype.kind not in "biuf":
-            raise BadGeometry(self.name, f"holds values of type {values.dtype}, and numbers are needed")
-        object.__setattr__(self, "values", values)
-        self._lock_place()
-
-
-@dataclass(frozen=True, eq=False)
-class VoxelGrid(_Placed):
-    """Which voxels are solid; solid (X, Y, Z) bool, locked.
-
-    Raises  BadGeometry as `Volume`, and when no voxel is solid, or every one.
-    """
-
-    solid: Bools = field(default_factory=lambda: np.zeros((0, 0, 0), dtype=bool))
-
-    def __post_init__(self) -> None:
-        solid = np.array(self.solid, dtype=bool, order="C")
-        if solid.ndim != 3:
-            raise BadGeometry(self.name, f"has shape {solid.shape} where a grid of three axes is needed")
-        if not solid.any():
-            raise BadGeometry(self.name, "no voxel is solid; check the threshold or the label")
-        if solid.all():
-            raise BadGeometry(self.name, "every voxel is solid, so nothing bounds it; check the threshold or the label")
-        solid.setflags(write=False)
-        object.__setattr__(self, "solid", solid)
-        self._lock_place()
 
     @property
     def voxel(self) -> float:
@@ -100,6 +59,47 @@ class VoxelGrid(_Placed):
         left_handed = np.linalg.det(self.direction) < 0
         faces = face_vertices[:, ::-1] if left_handed else face_vertices
         return TriangleMesh(self.place(points), faces, self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Volume(PlacedGrid):
+    """Values of a scan or a segmentation; values (X, Y, Z) of any number type.
+
+    Raises  BadGeometry when there are not three axes, or the spacing or the directions make no grid.
+    """
+
+    values: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 0, 0)))
+
+    def __post_init__(self) -> None:
+        values = np.asarray(self.values)
+        if values.ndim != 3 or 0 in values.shape:
+            raise BadGeometry(self.name, f"has shape {values.shape} where a grid of three axes is needed")
+        if values.dtype.kind not in "biuf":
+            raise BadGeometry(self.name, f"holds values of type {values.dtype}, and numbers are needed")
+        object.__setattr__(self, "values", values)
+        self._lock_place()
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelGrid(PlacedGrid):
+    """Which voxels are solid; solid (X, Y, Z) bool, locked.
+
+    Raises  BadGeometry as `Volume`, and when no voxel is solid, or every one.
+    """
+
+    solid: Bools = field(default_factory=lambda: np.zeros((0, 0, 0), dtype=bool))
+
+    def __post_init__(self) -> None:
+        solid = np.array(self.solid, dtype=bool, order="C")
+        if solid.ndim != 3:
+            raise BadGeometry(self.name, f"has shape {solid.shape} where a grid of three axes is needed")
+        if not solid.any():
+            raise BadGeometry(self.name, "no voxel is solid; check the threshold or the label")
+        if solid.all():
+            raise BadGeometry(self.name, "every voxel is solid, so nothing bounds it; check the threshold or the label")
+        solid.setflags(write=False)
+        object.__setattr__(self, "solid", solid)
+        self._lock_place()
 
     def with_solid(self, solid: Bools) -> "VoxelGrid":
         """The same grid with other solid voxels."""

@@ -4,12 +4,13 @@ Every reader begins here, so that a folder, a pipe, a missing file or an empty o
 nothing waits for a pipe that never ends.
 """
 
+import mmap
 from collections.abc import Sequence
 from pathlib import Path
 
 from recon.errors import UnreadableFile, UnsupportedFormat
 
-__all__ = ["file_bytes", "file_text", "require_plain_file"]
+__all__ = ["file_bytes", "file_text", "mapped_bytes", "require_plain_file"]
 
 
 def require_plain_file(path: str | Path, endings: Sequence[str] = ()) -> Path:
@@ -44,6 +45,20 @@ def file_bytes(path: str | Path, endings: Sequence[str] = ()) -> bytes:
     if not data.strip():
         raise UnreadableFile(name, "is empty", "Export or copy the file again")
     return data
+
+
+def mapped_bytes(path: str | Path) -> mmap.mmap:
+    """The same bytes as a map of the file, which is read where it is looked at; raises as `file_bytes`."""
+    file, name = require_plain_file(path), str(path)
+    try:
+        with file.open("rb") as stream:
+            return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    except PermissionError:
+        raise UnreadableFile(name, "may not be read", "Ask its owner for the permission to read it") from None
+    except OSError as problem:
+        raise UnreadableFile(name, f"cannot be read ({problem})") from problem
+    except ValueError:
+        raise UnreadableFile(name, "is empty", "Export or copy the file again") from None
 
 
 def file_text(path: str | Path, endings: Sequence[str] = ()) -> str:

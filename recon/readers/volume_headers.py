@@ -1,8 +1,10 @@
 """NRRD, MetaImage and NIfTI: a header that says type, size and place, then a block of numbers, first axis fastest."""
 
 import math
+import mmap
 import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from recon.readers.unpacking import unbzip2, unzip
 __all__ = ["read_metaimage", "read_nifti", "read_nrrd"]
 
 Floats = NDArray[np.float64]
+Content = Callable[[Path], bytes | mmap.mmap]
 
 _NRRD_TYPES = {
     **dict.fromkeys(("signed char", "int8", "int8_t"), "i1"),
@@ -46,10 +49,13 @@ NIFTI_HEADER = 352
 _NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8", 256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
 
 
-def read_nrrd(file: Path) -> Volume:
-    """Volume of an NRRD file, data within or in the file that it names."""
-    data = file_bytes(file)
-    if not data.startswith(b"NRRD"):
+def read_nrrd(file: Path, *, content: Content = file_bytes) -> Volume:
+    """Volume of an NRRD file, data within or in the file that it names.
+
+    content  gives the bytes of a file, or a map of it, in which the values then stay where nothing packed them
+    """
+    data = content(file)
+    if data[:4] != b"NRRD":
         raise UnreadableFile(str(file), "is no NRRD file")
     lines, body = _text_header(data)
     fields = dict(_pair(line, ":") for line in lines[1:] if ":" in line and not line.startswith("#"))
@@ -57,7 +63,7 @@ def read_nrrd(file: Path) -> Volume:
         raise UnreadableFile(str(file), f"has {fields['dimension']} axes", "Store one volume of three axes")
     shape = [int(n) for n in fields["sizes"].split()]
     if "data file" in fields or "datafile" in fields:
-        body = file_bytes(file.parent / fields.get("data file", fields.get("datafile", "")))
+        body = memoryview(content(file.parent / fields.get("data file", fields.get("datafile", ""))))
     kind = _NRRD_TYPES[fields["type"]]
     raw = _unpacked(body, fields.get("encoding", "raw").lower(), kind, _bytes_of(shape, kind), str(file))
     values = _shaped(raw, _endian(kind, fields.get("endian", "little") == "big"), shape, file)
@@ -79,31 +85,34 @@ def _vector(text: str) -> Floats:
     return np.array([float(x) for x in text.strip(" ()").split(",")])
 
 
-def _unpacked(body: bytes, encoding: str, kind: str, needed: int, name: str) -> bytes:
+def _unpacked(body: memoryview, encoding: str, kind: str, needed: int, name: str) -> bytes | memoryview:
     if encoding in ("gzip", "gz"):
-        return unzip(body, needed, name)
+        return unzip(bytes(body), needed, name)
     if encoding in ("bzip2", "bz2"):
-        return unbzip2(body, needed, name)
+        return unbzip2(bytes(body), needed, name)
     if encoding in ("ascii", "txt", "text"):
-        return typed_numbers(body.split(), "<" + kind, name).tobytes()
+        return typed_numbers(bytes(body).split(), "<" + kind, name).tobytes()
     return body
 
 
-def read_metaimage(file: Path) -> Volume:
-    """Volume of a MetaImage file, .mha with its data, .mhd with the name of their file."""
-    data = file_bytes(file)
+def read_metaimage(file: Path, *, content: Content = file_bytes) -> Volume:
+    """Volume of a MetaImage file, .mha with its data, .mhd with the name of their file; content as in `read_nrrd`."""
+    data = content(file)
     end = data.find(b"ElementDataFile")
     if end < 0:
         raise UnreadableFile(str(file), "is no MetaImage file")
-    stop = data.index(b"\n", end) + 1
+    stop = data.find(b"\n", end) + 1
+    if stop == 0:
+        raise UnreadableFile(str(file), "ends in its header")
     fields = dict(_pair(line, "=") for line in data[:stop].decode("latin-1").splitlines() if "=" in line)
     shape = [int(n) for n in fields["dimsize"].split()]
     if len(shape) != 3 or int(fields.get("elementnumberofchannels", "1")) != 1:
         raise UnreadableFile(str(file), "is no single volume of three axes")
     source = fields["elementdatafile"]
-    body = data[stop:] if source.upper() == "LOCAL" else file_bytes(file.parent / source)
+    local = source.upper() == "LOCAL"
+    body: bytes | memoryview = memoryview(data)[stop:] if local else memoryview(content(file.parent / source))
     if fields.get("compresseddata", "false").lower() == "true":
-        body = unzip(body, _bytes_of(shape, _META_TYPES[fields["elementtype"].upper()]), str(file))
+        body = unzip(bytes(body), _bytes_of(shape, _META_TYPES[fields["elementtype"].upper()]), str(file))
     big = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "false")).lower() == "true"
     values = _shaped(body, _endian(_META_TYPES[fields["elementtype"].upper()], big), shape, file)
     spacing = np.array(fields.get("elementspacing", "1 1 1").split(), dtype=np.float64)
@@ -113,10 +122,13 @@ def read_metaimage(file: Path) -> Volume:
     return Volume(spacing, np.array(origin, dtype=np.float64), direction, file.name, values)
 
 
-def read_nifti(file: Path) -> Volume:
-    """Volume of a NIfTI-1 file; of its two affine maps the s-form wins, as its authors advise."""
-    data = file_bytes(file)
-    packed = data if data[:2] == b"\x1f\x8b" else b""
+def read_nifti(file: Path, *, content: Content = file_bytes) -> Volume:
+    """Volume of a NIfTI-1 file; of its two affine maps the s-form wins, as its authors advise.
+
+    content  as in `read_nrrd`
+    """
+    data = content(file)
+    packed = bytes(data) if data[:2] == b"\x1f\x8b" else b""
     data = _gzip_start(packed, NIFTI_HEADER) if packed else data
     order = "<" if struct.unpack("<i", data[:4])[0] == 348 else ">"
     if struct.unpack(order + "i", data[:4])[0] != 348 or data[344:347] != b"n+1":
@@ -129,7 +141,7 @@ def read_nifti(file: Path) -> Volume:
     start, slope, shift = struct.unpack(order + "3f", data[108:120])
     if packed:
         data = unzip(packed, int(start) + _bytes_of(list(dims[1:4]), kind), str(file))
-    values = _shaped(data[int(start) :], order + kind, list(dims[1:4]), file)
+    values = _shaped(memoryview(data)[int(start) :], order + kind, list(dims[1:4]), file)
     if (np.isfinite(slope) and slope not in (0.0, 1.0)) or shift != 0.0:
         values = values.astype(np.float64) * (slope or 1.0) + shift
     axes, origin = _nifti_affine(data, order, pixdim)
@@ -141,7 +153,7 @@ def _gzip_start(packed: bytes, size: int) -> bytes:
     return zlib.decompressobj(31).decompress(packed, size)
 
 
-def _nifti_affine(data: bytes, order: str, pixdim: tuple[float, ...]) -> tuple[Floats, Floats]:
+def _nifti_affine(data: bytes | mmap.mmap, order: str, pixdim: tuple[float, ...]) -> tuple[Floats, Floats]:
     q_code, s_code = struct.unpack(order + "2h", data[252:256])
     if s_code > 0:
         rows = np.array(struct.unpack(order + "12f", data[280:328])).reshape(3, 4)
@@ -162,11 +174,11 @@ def _nifti_affine(data: bytes, order: str, pixdim: tuple[float, ...]) -> tuple[F
     return turn * spacing, np.array([x, y, z])
 
 
-def _text_header(data: bytes) -> tuple[list[str], bytes]:
+def _text_header(data: bytes | mmap.mmap) -> tuple[list[str], memoryview]:
     """Lines up to the empty one, and what follows it."""
     ends = [(data.find(mark), len(mark)) for mark in (b"\n\n", b"\r\n\r\n")]
     end, size = min(((e, n) for e, n in ends if e >= 0), default=(len(data), 0))
-    return data[:end].decode("latin-1").splitlines(), data[end + size :]
+    return data[:end].decode("latin-1").splitlines(), memoryview(data)[end + size :]
 
 
 def _pair(line: str, sign: str) -> tuple[str, str]:
@@ -182,7 +194,7 @@ def _bytes_of(shape: list[int], kind: str) -> int:
     return math.prod(shape) * np.dtype(kind).itemsize
 
 
-def _shaped(raw: bytes, kind: str, shape: list[int], file: Path) -> NDArray[np.generic]:
+def _shaped(raw: bytes | memoryview, kind: str, shape: list[int], file: Path) -> NDArray[np.generic]:
     """The numbers as an array (X, Y, Z) of the machine's own byte order."""
     count, size = math.prod(shape), np.dtype(kind).itemsize
     if min(shape) < 1:

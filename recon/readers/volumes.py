@@ -6,25 +6,27 @@ most NRRD files towards the left, back and top.  Formats without a spacing have 
 
 import math
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import BadOption, ReconError, UnreadableFile, UnsupportedFormat
-from recon.geometry.voxel_grid import Volume
+from recon.geometry.voxel_grid import PlacedGrid, Volume
 from recon.readers.content import file_bytes, require_plain_file
 from recon.readers.dicom import read_dicom
 from recon.readers.image_data import read_vti
 from recon.readers.unpacking import require_plausible_size
 from recon.readers.volume_headers import read_metaimage, read_nifti, read_nrrd
 
-__all__ = ["VOLUME_ENDINGS", "read_volume"]
+__all__ = ["VOLUME_ENDINGS", "read_volume", "require_pages", "told_of", "volume_ending", "with_spacing"]
 
 Floats = NDArray[np.float64]
+Read = TypeVar("Read")
+Placed = TypeVar("Placed", bound=PlacedGrid)
 
 
 def read_volume(path: str | Path, *, spacing: Floats | None = None) -> Volume:
@@ -35,13 +37,14 @@ def read_volume(path: str | Path, *, spacing: Floats | None = None) -> Volume:
     """
     file = Path(path)
     if file.is_dir():
-        volume = _read(read_dicom, file)
-    else:
-        ending = _ending(file)
-        if ending not in _READERS:
-            raise UnsupportedFormat(str(path), VOLUME_ENDINGS)
-        require_plain_file(file)
-        volume = _read(_READERS[ending], file)
+        return with_spacing(told_of(read_dicom, file), spacing)
+    ending = volume_ending(file)
+    require_plain_file(file)
+    return with_spacing(told_of(_READERS[ending], file), spacing)
+
+
+def with_spacing(volume: Placed, spacing: Floats | None) -> Placed:
+    """The volume with another spacing (3,), where there is one; raises BadOption when it is none."""
     if spacing is None:
         return volume
     if len(spacing) != 3 or not (np.asarray(spacing) > 0).all():
@@ -49,12 +52,17 @@ def read_volume(path: str | Path, *, spacing: Floats | None = None) -> Volume:
     return replace(volume, spacing=np.asarray(spacing, dtype=np.float64))
 
 
-def _ending(file: Path) -> str:
+def volume_ending(file: Path) -> str:
+    """The ending that names the format; raises UnsupportedFormat."""
     name = file.name.lower()
-    return next((e for e in VOLUME_ENDINGS if name.endswith(e)), file.suffix.lower())
+    ending = next((e for e in VOLUME_ENDINGS if name.endswith(e)), None)
+    if ending is None:
+        raise UnsupportedFormat(str(file), VOLUME_ENDINGS)
+    return ending
 
 
-def _read(reader: Callable[[Path], Volume], file: Path) -> Volume:
+def told_of(reader: Callable[[Path], Read], file: Path) -> Read:
+    """What a reader makes of a file; what goes wrong is said of the file, as UnreadableFile."""
     try:
         return reader(file)
     except ReconError:
@@ -104,9 +112,14 @@ def _tiff(file: Path) -> Volume:
         require_plausible_size(str(file), file.stat().st_size, numbers)
         image.seek(0)
         pages = [np.array(page) for page in ImageSequence.Iterator(image)]
+    require_pages(pages, file)
+    return Volume(name=file.name, values=np.stack(pages, axis=2).transpose(1, 0, 2))
+
+
+def require_pages(pages: Sequence[NDArray[Any]], file: Path) -> None:
+    """Raises UnreadableFile for pages that are no slices of one volume."""
     if any(page.shape != pages[0].shape or page.ndim != 2 for page in pages):
         raise UnreadableFile(str(file), "its pages differ in size, or are in colour", "Save one grey image a slice")
-    return Volume(name=file.name, values=np.stack(pages, axis=2).transpose(1, 0, 2))
 
 
 def _binvox(file: Path) -> Volume:

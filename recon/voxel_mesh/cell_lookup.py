@@ -51,9 +51,7 @@ class CellLookup(NamedTuple):
 def cell_lookup(surface: GridSurface, proportions: Floats) -> CellLookup:
     """Look-up over a surface whose vertices may have slid along their grid edges."""
     faces = surface.face_vertices
-    # a cell begins at the least index of its grid edges; what they share along each axis tells which cell it is
-    middle = (surface.edge_voxel + 0.5 * np.eye(3)[surface.edge_axis])[faces].mean(axis=1)
-    cell = np.floor(middle).astype(np.int64)
+    cell = surface.face_cells()
     new = np.flatnonzero((np.diff(cell, axis=0, prepend=cell[:1] - 1) != 0).any(axis=1))
     cells, count = cell[new], np.diff(np.append(new, len(faces)))
     low = cells.min(axis=0)

@@ -41,7 +41,10 @@ THINNEST = 0.01  # least height of a triangle over its longest side, in voxels
 
 
 class CollapseMesh(NamedTuple):
-    """The mesh while edges collapse, see the module's key; quadric (V, 10), locked, feature (V,)."""
+    """The mesh while edges collapse, see the module's key; quadric (V, 10), locked, feature (V,).
+
+    span  (1,) square of the longest side that a face may get
+    """
 
     corner: NDArray[np.int32]
     twin: NDArray[np.int32]
@@ -53,10 +56,18 @@ class CollapseMesh(NamedTuple):
     mark: NDArray[np.int32]
     locked: Bools
     feature: Bools
+    span: Floats
 
 
 def collapse_mesh(
-    vertices: Floats, faces: Ints, twin: Ints, *, quadric: Floats, locked: Bools, feature: Bools
+    vertices: Floats,
+    faces: Ints,
+    twin: Ints,
+    *,
+    quadric: Floats,
+    locked: Bools,
+    feature: Bools,
+    longest: float = np.inf,
 ) -> CollapseMesh:
     """A closed mesh made ready; `twin` gives for every halfedge the one that runs back."""
     corner = faces.ravel().astype(np.int32)
@@ -67,8 +78,10 @@ def collapse_mesh(
     edge[half] = np.arange(len(half), dtype=np.int32)
     edge[twin[half]] = edge[half]
     mark = np.zeros(len(vertices), dtype=np.int32)
+    span = np.array([longest**2])
+    back = twin.astype(np.int32)
     return CollapseMesh(
-        corner, twin.astype(np.int32), out, edge, half, vertices.copy(), quadric, mark, locked.copy(), feature.copy()
+        corner, back, out, edge, half, vertices.copy(), quadric, mark, locked.copy(), feature.copy(), span
     )
 
 
@@ -223,7 +236,7 @@ def _gather_ring(m: CollapseMesh, h: int, ring: NDArray[np.int32]) -> int:  # pr
 def _keeps_shape(
     m: CollapseMesh, ring: NDArray[np.int32], n_ring: int, p: Floats
 ) -> bool:  # pragma: no cover - compiled
-    """Whether no face of the ring turns by more than FLATTEST, or gets thinner than THINNEST."""
+    """Whether no face of the ring turns by more than FLATTEST, gets thinner than THINNEST or longer than the span."""
     for r in range(n_ring):
         h = ring[r]
         o, a, b = m.corner[h], m.corner[_next(h)], m.corner[_previous(h)]
@@ -237,7 +250,7 @@ def _keeps_shape(
             return False
         longest = max(ex * ex + ey * ey + ez * ez, qx * qx + qy * qy + qz * qz)
         longest = max(longest, (qx - ex) ** 2 + (qy - ey) ** 2 + (qz - ez) ** 2)
-        if new < THINNEST * THINNEST * longest or _folds(m, h, p, nx, ny, nz):
+        if longest > m.span[0] or new < THINNEST * THINNEST * longest or _folds(m, h, p, nx, ny, nz):
             return False
     return True
 

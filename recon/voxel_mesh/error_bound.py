@@ -23,7 +23,7 @@ from recon.voxel_mesh.cell_lookup import (
     triangle_squared,
 )
 
-__all__ = ["Bound", "face_bound", "no_bound", "keeps_bound", "hand_over", "face_within"]
+__all__ = ["Bound", "face_bound", "hanging_bound", "no_bound", "keeps_bound", "hand_over", "face_within"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -56,21 +56,27 @@ class Bound(NamedTuple):
 
 def face_bound(vertices: Floats, faces: Ints, limit: float) -> Bound:
     """Samples at the vertices, each on one of its faces, and in the middle of every face."""
-    n, m = len(vertices), len(faces)
-    home = np.empty(n, dtype=np.int64)
-    home[faces.ravel()] = np.repeat(np.arange(m), 3)
+    home = np.empty(len(vertices), dtype=np.int64)
+    home[faces.ravel()] = np.repeat(np.arange(len(faces)), 3)
+    samples = np.concatenate([vertices[faces].mean(axis=1), vertices])
+    return hanging_bound(samples, np.append(np.arange(len(faces)), home), len(faces), limit)
+
+
+def hanging_bound(samples: Floats, home: Ints, n_faces: int, limit: float, *, reach: float = 0.0) -> Bound:
+    """Samples (S, 3), each on the face that `home` (S,) says; reach as in a Bound, the same for all faces."""
     order = np.argsort(home, kind="stable")
     ends = np.diff(home[order], append=-1) != 0
     begins = order[np.diff(home[order], prepend=-1) != 0]
-    following = np.full(n + m, -1, dtype=np.int32)
+    following = np.full(len(samples), -1, dtype=np.int32)
     following[order[:-1]] = np.where(ends[:-1], -1, order[1:])
-    following[n + home[begins]] = begins
+    first = np.full(n_faces, -1, dtype=np.int32)
+    first[home[begins]] = begins
     return Bound(
-        np.concatenate([vertices, vertices[faces].mean(axis=1)]),
-        np.arange(n, n + m, dtype=np.int32),
+        samples,
+        first,
         following,
-        np.zeros(n + m, dtype=np.int32),
-        np.zeros(m, dtype=np.float32),
+        np.zeros(len(samples), dtype=np.int32),
+        np.full(n_faces, reach, dtype=np.float32),
         np.array([limit]),
         np.empty((40, 9)),
     )

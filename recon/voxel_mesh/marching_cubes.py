@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.voxel_mesh.cell_table import cell_table
 
-__all__ = ["GridSurface", "marching_cubes"]
+__all__ = ["GridSurface", "marching_cubes", "window_surface"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -52,6 +52,12 @@ class GridSurface:
         step = np.eye(3, dtype=np.int64)[self.edge_axis]
         return self.edge_voxel + np.where(self.solid_below[:, None], step, 0)
 
+    def face_cells(self) -> Ints:
+        """(F, 3) cell in which each face lies, by the least index of the cell's corners."""
+        # what a face's grid edges share along each axis tells which cell it is
+        middle = (self.edge_voxel + 0.5 * np.eye(3)[self.edge_axis])[self.face_vertices].mean(axis=1)
+        return np.floor(middle).astype(np.int64)
+
     def side_centres(self, proportions: Floats) -> tuple[Floats, Floats]:
         """Solid (n, 3) and empty (m, 3) centres beside the surface, each once, in voxels."""
         solid, empty = (_distinct(index) for index in (self.solid_voxels(), self.empty_voxels()))
@@ -80,6 +86,21 @@ def marching_cubes(grid: VoxelGrid) -> GridSurface:
     edge_voxel = edges.astype(np.int64) + low
     half = np.eye(3)[axis] * 0.5
     return GridSurface((edge_voxel + half) * grid.proportions, faces, edge_voxel, axis.astype(np.int64), below)
+
+
+def window_surface(inside: Bools, first: Ints, proportions: Floats) -> GridSurface:
+    """Surface within a window of a grid: open where it leaves the window, on the planes through its outermost centres.
+
+    inside  (X, Y, Z) solid voxels of the window, two or more along each axis; first (3,) index of the first of them
+    Promises  the same vertices and faces as the surface of the whole has within the window, to the last bit.
+    """
+    table = cell_table()
+    n_vertices = sum(int(np.count_nonzero(np.diff(inside, axis=axis))) for axis in range(3))
+    _, n_faces = _count(inside, table.counts)
+    edges, axis, below, faces = _march(inside, table.counts, table.triangles, n_vertices, n_faces)
+    edge_voxel = edges.astype(np.int64) + first
+    half = np.eye(3)[axis] * 0.5
+    return GridSurface((edge_voxel + half) * proportions, faces, edge_voxel, axis.astype(np.int64), below)
 
 
 def cropped(solid: Bools) -> tuple[Ints, Bools]:

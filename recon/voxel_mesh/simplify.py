@@ -22,7 +22,7 @@ from recon.voxel_mesh.edge_heap import edge_heap
 from recon.voxel_mesh.error_bound import face_bound, no_bound
 from recon.voxel_mesh.marching_cubes import GridSurface
 
-__all__ = ["Goal", "Simplified", "simplified"]
+__all__ = ["Goal", "Simplified", "inner_limit", "simplified"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -89,7 +89,7 @@ def simplified(
     tree = None
     for number in range(ROUNDS):
         mesh = collapse_mesh(vertices, faces, twin, quadric=quadric.copy(), locked=locked, feature=feature)
-        bound = no_bound() if goal.tolerance is None else face_bound(vertices, faces, _inner(goal.tolerance))
+        bound = no_bound() if goal.tolerance is None else face_bound(vertices, faces, inner_limit(goal.tolerance))
         collapse_edges(mesh, edge_heap(len(mesh.half)), bound, look, len(faces), goal.n_faces)
         doing("verifying the error")
         places, rows = _living(mesh.place, mesh.corner)
@@ -104,7 +104,8 @@ def simplified(
     raise Refusal(f"after {ROUNDS} rounds {len(bad)} places still break the bound; allow a larger --tolerance.")
 
 
-def _inner(tolerance: float) -> float:
+def inner_limit(tolerance: float) -> float:
+    """The bound that is kept while edges collapse."""
     return max(tolerance - MARGIN, 0.5 * tolerance)
 
 

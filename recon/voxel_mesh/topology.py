@@ -16,7 +16,7 @@ from scipy import ndimage
 from recon.numerics.closed_mesh import shell_volumes
 from recon.numerics.halfedges import connected_components, euler_number
 
-__all__ = ["Topology", "body_labels", "kept_bodies", "grid_topology", "mesh_topology"]
+__all__ = ["Topology", "adjacency", "body_labels", "kept_bodies", "grid_topology", "mesh_topology"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,6 +37,11 @@ class Topology(NamedTuple):
     def euler(self) -> int:
         """Euler number of the surface."""
         return 2 * (self.bodies + self.cavities - self.genus)
+
+
+def adjacency() -> tuple[Bools, Bools]:
+    """(3, 3, 3) which neighbours of the middle voxel hang together with it: of solid ones, and of empty ones."""
+    return _OVER_FACES, _OVER_EDGES
 
 
 def grid_topology(solid: Bools) -> Topology:

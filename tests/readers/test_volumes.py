@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import pickle
 import struct
 import zlib
 
@@ -10,6 +11,7 @@ import pytest
 
 from recon.errors import BadGeometry, BadOption, UnreadableFile, UnsupportedFormat
 from recon.geometry.voxel_grid import Volume, binary_grid, volume_labels
+from recon.readers.volume_windows import open_volume, volume_shape
 from recon.readers.volumes import read_volume
 
 RNG = np.random.default_rng(7)
@@ -105,6 +107,48 @@ def test_values_and_place_come_back(tmp_path, name):
     assert found.spacing == pytest.approx(SPACING)
     assert found.origin == pytest.approx(ORIGIN)
     assert found.direction == pytest.approx(TURN, abs=1e-6)
+
+
+def tiff(path):
+    from PIL import Image
+
+    pages = [Image.fromarray(VALUES[:, :, k].T.copy()) for k in range(VALUES.shape[2])]
+    pages[0].save(path, save_all=True, append_images=pages[1:])
+
+
+WINDOWED = {
+    **WRITERS,
+    "rows.npy": lambda p: np.save(p, VALUES),
+    "columns.npy": lambda p: np.save(p, np.asfortranarray(VALUES)),
+    "stack.tif": tiff,
+}
+
+
+@pytest.mark.parametrize("name", WINDOWED)
+def test_a_window_holds_what_the_whole_has_there(tmp_path, name):
+    path = tmp_path / name
+    WINDOWED[name](path)
+    source, whole = open_volume(path), read_volume(path)
+    window = (slice(1, 4), slice(0, 3), slice(1, 3))
+    assert (source.read(window) == whole.values[window]).all()
+    assert source.shape == whole.values.shape
+    assert source.origin == pytest.approx(whole.origin) and source.spacing == pytest.approx(whole.spacing)
+    alone = {"raw.nrrd", "plain.mha", "s.nii", "rows.npy", "columns.npy", "stack.tif"}
+    assert source.is_windowed == (name in alone)
+    assert volume_shape(path) in (whole.values.shape, None)
+    if source.is_windowed:  # it may travel to another process
+        assert (pickle.loads(pickle.dumps(source)).read(window) == whole.values[window]).all()
+        assert (open_volume(path, spacing=np.full(3, 2.0)).spacing == 2.0).all()
+
+
+@pytest.mark.parametrize("name", ["raw.nrrd", "plain.mha", "s.nii", "rows.npy"])
+def test_a_file_that_ends_early_is_refused_before_a_window_is_read(tmp_path, name):
+    path = tmp_path / name
+    WINDOWED[name](path)
+    for data, says in ((path.read_bytes()[:-7], name), (b"", "is empty")):
+        path.write_bytes(data)
+        with pytest.raises(UnreadableFile, match=says):
+            open_volume(path)
 
 
 @pytest.mark.parametrize("ending", [".nrrd", ".mha", ".nii.gz", ".vti"])

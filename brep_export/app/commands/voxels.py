@@ -62,6 +62,17 @@ def voxels(
             help="With --analytic: take the roundest multiples of MM that the grid leaves open.", metavar="MM", min=1e-9
         ),
     ] = None,
+    block: Annotated[
+        int | None,
+        typer.Option(
+            help="Make a large volume by blocks of N voxels a side, to spare memory. Default: as a whole up to 645³.",
+            metavar="N",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="With --block: the workers of a running Dask cluster do the blocks.", metavar="tcp://..."),
+    ] = None,
     **usual: Any,
 ) -> None:
     """Clean boundary of a volume as a solid: few faces, the error bounded."""
