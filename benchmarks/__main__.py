@@ -39,6 +39,7 @@ RUNS = {
     "bspline_fit": Run(
         "Spline faces of scans", ("made:wavy^20000:400", "made:tube^20000:400", "made:torus^20000:400"), error="E_rms"
     ),
+    "scan_cells": Run("Scans of many millions of points", ("1000000:50000",)),
     "limit_solids": Run("Limit surfaces as solids"),
     "terrain": Run("Contour lines to a ground", error="rms, m"),
     "voxel_mesh": Run("Voxels to a boundary", ("--half",), error="error"),

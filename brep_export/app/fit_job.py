@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brep_export.app.deliver import exhibit, gate, write_files
+from brep_export.app.large_scan import read_scan
 from brep_export.app.lengths import tolerance_length
 from brep_export.app.limit_shape import limit_shape
 from brep_export.app.result import result, statistics
@@ -22,7 +23,6 @@ from recon.geometric_fit.row_fit import fit_rows
 from recon.geometric_fit.updates import Update
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
-from recon.readers.meshes import read_mesh
 from recon.subdivision.limit_surface import Scheme, tessellate
 
 __all__ = ["fit"]
@@ -36,16 +36,13 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     """Read the scan, fit, prove the kernel shape where one is asked for, write."""
     nets = [path for path in request["outputs"] if Path(path).suffix.lower() in CONTROL_MESH_ENDINGS]
     others = [path for path in request["outputs"] if path not in nets]
-    with bench.phase("read", "reading the scan"):
-        file = read_mesh(request["inputs"][0], unit=request["unit"])
-    for note in file.notes:
-        bench.note(f"{request['inputs'][0]}: {note}", name="reading")
+    scan = read_scan(request, bench)
     remeshed = request["surface"] is None and bool(others)
     request = {**request, "surface": request["surface"] or ("catmull-clark" if remeshed else "loop")}
     options = FitOptions(
         scheme=Scheme(request["surface"]),
         control_points=request["control_points"],
-        tolerance=tolerance_length(request["tolerance"], file.mesh.vertices),
+        tolerance=tolerance_length(request["tolerance"], scan.mesh.vertices),
         update=Update(request["update"]),
         plain=request["plain"],
         rounds=request["rounds"],
@@ -55,13 +52,13 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
     )
     with bench.phase("reconstruct", "fitting the surface"):
         fit = fit_rows if remeshed else fit_surface
-        fitted = fit(file.mesh, options, doing=bench.doing)
+        fitted = fit(scan.mesh, options, doing=bench.doing)
     if fitted.n_closed:
         bench.note(f"closed {fitted.n_closed} holes of the scan before the fit, as asked.", name="closed-holes")
     if fitted.folds:
         folded = f"the surface folds at {fitted.folds} control points; more of them would keep it smooth."
         bench.note(folded, name="folds")
-    kernel, reasons, written = _shape_written(file.mesh, fitted, {**request, "outputs": others}, bench)
+    kernel, reasons, written = _shape_written(scan.mesh, fitted, {**request, "outputs": others}, bench)
     if nets and (not reasons or request["force"]):
         with bench.phase("write", "writing the control mesh"), staged(*nets, announce=bench.staged) as temporary:
             for path in temporary:
@@ -74,8 +71,8 @@ def fit(request: Mapping[str, Any], bench: Bench) -> Answer:
         reasons=reasons,
         kernel=kernel,
         seconds=bench.seconds | {"total": bench.elapsed()},
-        error=statistics(fitted.distances, unit="mm", against="every point of the scan, exact foot points"),
-        room=_figures(fitted, request),
+        error=statistics(fitted.distances, unit="mm", against=f"{scan.against}, exact foot points"),
+        room=_figures(fitted, request) | {"thinned": scan.thinned},
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons

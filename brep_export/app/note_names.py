@@ -8,6 +8,7 @@ __all__ = ["NOTES", "require_names"]
 
 NOTES = (
     "reading",
+    "thinned",
     "piece",
     "thin-wall",
     "placing",

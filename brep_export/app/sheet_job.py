@@ -10,6 +10,7 @@ import numpy as np
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.deliver import gate, write_files
+from brep_export.app.large_scan import read_scan
 from brep_export.app.lengths import tolerance_length
 from brep_export.app.result import result, statistics
 from brep_export.app.workshop import Bench, Exit
@@ -28,7 +29,6 @@ from recon.geometry.mesh import TriangleMesh
 from recon.geometry.patches import connect
 from recon.geometry.trimmed import TrimmedSurface
 from recon.numerics.distance import closest_points
-from recon.readers.meshes import read_mesh
 from recon.tolerance import Tolerance
 
 __all__ = ["fit"]
@@ -49,29 +49,26 @@ class Made(NamedTuple):
 def fit(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any], tuple[str, ...]]:
     """Read the scan, fit, prove the face where one is asked for, write."""
     _refuse_foreign(request)
-    with bench.phase("read", "reading the scan"):
-        file = read_mesh(request["inputs"][0], unit=request["unit"])
-    for note in file.notes:
-        bench.note(f"{request['inputs'][0]}: {note}", name="reading")
+    scan = read_scan(request, bench)
     options = SplineOptions(
         kind=SplineKind(request["surface"]),
         degree=request["degree"],
         control_points=request["control_points"],
-        tolerance=tolerance_length(request["tolerance"], file.mesh.vertices),
+        tolerance=tolerance_length(request["tolerance"], scan.mesh.vertices),
         update=Update(request["update"]),
         plain=request["plain"],
         rounds=request["rounds"],
         robust=request["robust"],
     )
     with bench.phase("reconstruct", "fitting the surface"):
-        fitted = fit_sheet(file.mesh, options, doing=bench.doing)
+        fitted = fit_sheet(scan.mesh, options, doing=bench.doing)
     if fitted.folds:
         bench.note(
             f"the surface folds at {fitted.folds} control points: the scan is stretched {fitted.stretch:.1f} times "
             "to be unrolled, and --surface loop does not unroll it.",
             name="folds",
         )
-    kernel, reasons, written = _shape_written(file.mesh, fitted, request, bench)
+    kernel, reasons, written = _shape_written(scan.mesh, fitted, request, bench)
     answer = result(
         "fit",
         inputs=request["inputs"],
@@ -79,8 +76,8 @@ def fit(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any],
         reasons=reasons,
         kernel=kernel,
         seconds=bench.seconds | {"total": bench.elapsed()},
-        error=statistics(fitted.distances, unit="mm", against="every point of the scan, exact foot points"),
-        room=_figures(fitted, request),
+        error=statistics(fitted.distances, unit="mm", against=f"{scan.against}, exact foot points"),
+        room=_figures(fitted, request) | {"thinned": scan.thinned},
         notes=bench.notes,
     )
     return (Exit.REFUSED if reasons else Exit.WRITTEN), answer, reasons

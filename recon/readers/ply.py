@@ -9,9 +9,10 @@ after the other. Text is turned into rows of 8-byte numbers first, so that both 
     4 1 2 3 4
 """
 
+import mmap
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from recon.errors import BadGeometry, UnreadableFile
 from recon.readers.numbers import integers, number_array
 from recon.readers.polygons import PolygonSoup, strip_triangles
 
-__all__ = ["read_ply"]
+__all__ = ["mapped_triangles", "read_ply"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,6 +39,7 @@ KINDS = {
 BYTE_ORDER: dict[str, Literal["<", ">"]] = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 LONGEST_HEADER = 1 << 20
 NO_POINT = 0xFFFFFFFF  # how the -1 that ends a strip reads as an unsigned number
+INDICES = ("vertex_indices", "vertex_index")
 AGAIN = "Export or copy the file again"
 
 
@@ -94,7 +96,32 @@ def read_ply(data: bytes, name: str) -> PolygonSoup:
     return PolygonSoup(points, corners, sizes, tuple(notes))
 
 
-def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
+def mapped_triangles(data: mmap.mmap, name: str) -> tuple[NDArray[Any], NDArray[Any]] | None:
+    """Rows of the points, with fields x, y and z, and rows of the triangles, with the fields count and corners (3,),
+    where they lie in a binary file; None where it holds other elements, or faces of other lists.
+
+    Raises  UnreadableFile when the header makes no sense, or promises more than the file holds.
+    """
+    encoding, elements, start = _header(data, name)
+    if encoding == "ascii" or [element.name for element in elements] != ["vertex", "face"]:
+        return None
+    vertex, face = elements
+    lists = [p for p in face.properties if p.counter is not None]
+    if len(lists) != 1 or lists[0].name not in INDICES or any(p.counter is not None for p in vertex.properties):
+        return None
+    if not {"x", "y", "z"} <= {p.name for p in vertex.properties}:
+        return None
+    fields: list[Any] = []
+    for p in face.properties:
+        fields += [(p.name, p.kind)] if p.counter is None else [("count", p.counter), ("corners", p.kind, (3,))]
+    tables = np.dtype([(p.name, p.kind) for p in vertex.properties]), np.dtype(fields)
+    if start + vertex.count * tables[0].itemsize + face.count * tables[1].itemsize != len(data):
+        return None
+    points = np.frombuffer(data, tables[0], vertex.count, start)
+    return points, np.frombuffer(data, tables[1], face.count, start + points.nbytes)
+
+
+def _header(data: bytes | mmap.mmap, name: str) -> tuple[str, list[_Element], int]:
     """Encoding, elements and the place where the rows begin."""
     if re.match(rb"ply[ \t]*[\r\n]", data) is None:
         raise UnreadableFile(name, "is not a PLY file: it does not begin with the word ply", AGAIN)
@@ -242,7 +269,7 @@ def _lists(columns: _Columns, name: str) -> tuple[Ints, Ints]:
     """(c,) point numbers of all faces or strips, and (m,) how many each has."""
     if not columns:
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    named = [word for word in ("vertex_indices", "vertex_index") if word in columns]
+    named = [word for word in INDICES if word in columns]
     if not named:
         raise UnreadableFile(name, "its faces have no property vertex_indices", AGAIN)
     values, sizes = columns[named[0]]

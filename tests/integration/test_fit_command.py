@@ -93,3 +93,15 @@ def test_quadrilaterals_are_written_as_their_control_mesh_and_as_a_solid(scan, t
     made = recon("fit", scan, "-o", tmp_path / "quads.step", "--surface", "doo-sabin", "--control-points", 80)
     assert made.returncode == 0, made.stderr
     assert json.loads(made.stdout)["kernel"]["max_smooth_edge_angle_deg"] < 0.01
+
+
+def test_a_scan_is_thinned_first_where_that_is_asked_for(scan, tmp_path):
+    run = recon("fit", scan, "-o", tmp_path / "ball.obj", "--surface", "loop", "--control-points", 40, "--thin", 400)
+    answer = json.loads(run.stdout)
+    assert run.returncode == 0, run.stderr
+    thinned = answer["room"]["thinned"]
+    assert (thinned["points"], thinned["left"]) == (1500, pytest.approx(400, rel=0.05))
+    assert 0.0 < thinned["rms"] < thinned["max"] < 1.0
+    assert answer["room"]["data_points"] == thinned["left"]
+    assert "thinned scan" in answer["error"]["against"]
+    assert any("1500 points were thinned" in note for note in answer["notes"])

@@ -76,6 +76,12 @@ def fit(
     robust: Annotated[
         bool, typer.Option("--robust", help="Points far off count less: for scans with outliers.")
     ] = False,
+    thin: Annotated[
+        int | None,
+        typer.Option(
+            help="Thin the scan to so many points first. Default: to 500,000 from 5,000,000 on.", metavar="N", min=100
+        ),
+    ] = None,
     unit: UnitOfScans = None,
     **usual: Any,
 ) -> None:
