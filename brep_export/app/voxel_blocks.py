@@ -3,15 +3,22 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
+from os import getpid
+from pathlib import Path
+from tempfile import gettempdir
 from typing import Any
 
+import numpy as np
+
 from brep_export.app.batch.cluster import workers
-from brep_export.app.voxel_bodies import VoxelBody, boundary_body
+from brep_export.app.voxel_bodies import VoxelBody, boundary_body, dropped_bodies
 from brep_export.app.workshop import Bench
-from recon.errors import BadOption, InputError, ReconError, Refusal
+from recon.errors import BadOption, InputError, NotWritten, ReconError, Refusal
 from recon.geometry.volume_source import SolidSource, VolumeSource, solid_source, source_labels
-from recon.readers.volume_windows import volume_shape
-from recon.voxel_mesh.blocks import boundary_by_blocks
+from recon.readers.volume_windows import open_volume, volume_shape
+from recon.voxel_mesh.block_bodies import body_table, wanted_bodies, write_bodies
+from recon.voxel_mesh.blocks import blocks_of, boundary_by_blocks
 from recon.voxel_mesh.pipeline import VoxelOptions
 
 __all__ = ["block_bodies", "block_size", "solid_sources"]
@@ -28,8 +35,7 @@ def block_size(request: Mapping[str, Any], bench: Bench) -> int | None:
 
     Raises  BadOption for options that look at a whole volume, beside --block.
     """
-    whole = next((name for name in ("analytic", "largest") if request[name]), None)
-    whole = "min-voxels" if request["min_voxels"] > 1 else "features" if request["features"] == "paper" else whole
+    whole = "analytic" if request["analytic"] else "features" if request["features"] == "paper" else None
     if request["block"] is not None:
         if whole is not None:
             raise BadOption(f"--{whole}", "looks at the whole volume: not with --block")
@@ -65,17 +71,56 @@ def solid_sources(volume: VolumeSource, request: Mapping[str, Any]) -> list[Soli
 
 
 def block_bodies(
-    solids: list[SolidSource], options: VoxelOptions, size: int, scheduler: str | None, bench: Bench
+    solids: list[SolidSource], options: VoxelOptions, size: int, request: Mapping[str, Any], bench: Bench
 ) -> list[VoxelBody]:
     """Planar faces of every solid, by blocks of `size` voxels, on the workers of a scheduler where there is one."""
     bodies = []
-    with _calls(scheduler) as each:
-        for solid in solids:
-            with bench.phase("reconstruct", "finding the boundary"):
-                boundary = boundary_by_blocks(solid, options, size=size, each=each, doing=bench.doing)
+    with _calls(request["scheduler"]) as each:
+        for number, solid in enumerate(solids):
+            with (
+                bench.phase("reconstruct", "finding the boundary"),
+                _cleaned(solid, size, number, request, bench) as kept,
+            ):
+                boundary = boundary_by_blocks(kept, options, size=size, each=each, doing=bench.doing)
             figures = boundary.figures() | {"block": size}
             bodies.append(boundary_body(boundary.mesh, boundary.errors, solid.voxel, figures, bench))
     return bodies
+
+
+@contextmanager
+def _cleaned(
+    solid: SolidSource, size: int, number: int, request: Mapping[str, Any], bench: Bench
+) -> Iterator[SolidSource]:
+    """The solid without the bodies that are not wanted, in a file that goes with the block; what is dropped is said."""
+    if not request["largest"] and request["min_voxels"] <= 1:
+        yield solid
+        return
+    lattice = blocks_of(solid.shape, size)
+    bench.doing("counting bodies")
+    table = body_table(solid, lattice)
+    keep = wanted_bodies(table, largest=request["largest"], min_voxels=request["min_voxels"])
+    if len(keep) and not keep.any():
+        most = int(table.sizes.max())
+        raise BadOption("--min-voxels", f"leaves nothing of {solid.name}; its largest body has {most} voxels")
+    if keep.all():
+        yield solid
+        return
+    dropped, left = np.sort(table.sizes[~keep])[::-1], int(table.sizes[keep].sum())
+    bench.note(dropped_bodies(solid.name, dropped, left), name="dropped")
+    beside = Path(request["outputs"][0]).parent if request["outputs"] else Path(gettempdir())
+    path = beside / f".kept.{getpid()}.{number}.npy"
+    bench.staged(path)
+    try:
+        write_bodies(solid, lattice, table, keep, path, doing=bench.doing)
+        yield solid_source(replace(open_volume(path), **_place(solid)), label=1.0)
+    except OSError as failure:
+        raise NotWritten(str(path), f"the disk refuses it ({failure.strerror})") from failure
+    finally:
+        path.unlink(missing_ok=True)
+
+
+def _place(solid: SolidSource) -> dict[str, Any]:
+    return {key: getattr(solid, key) for key in ("spacing", "origin", "direction", "name")}
 
 
 @contextmanager

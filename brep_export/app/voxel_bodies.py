@@ -28,7 +28,7 @@ from recon.voxel_mesh.revoxelise import WrongSide, turned_wrong_side, wrong_side
 from recon.voxel_mesh.topology import grid_topology
 from recon.voxel_mesh.turned import turned_part
 
-__all__ = ["DEFLECTION", "FIT", "FLAT", "VoxelBody", "analytic_body", "boundary_body", "faceted_body"]
+__all__ = ["DEFLECTION", "FIT", "FLAT", "VoxelBody", "analytic_body", "boundary_body", "dropped_bodies", "faceted_body"]
 
 Floats = NDArray[np.float64]
 
@@ -55,6 +55,14 @@ class VoxelBody:
     errors: Floats
     figures: dict[str, Any]
     polyhedron: Polyhedron | None = None
+
+
+def dropped_bodies(name: str, dropped: NDArray[np.int64], n_kept: int) -> str:
+    """What is said of bodies that are left out: their sizes in voxels, the largest first, and the voxels that stay."""
+    return (
+        f"dropped {len(dropped)} bodies of {name}, {int(dropped.sum())} voxels in all, the largest of"
+        f" {int(dropped[0])}; kept {n_kept} voxels"
+    )
 
 
 def faceted_body(grid: VoxelGrid, options: VoxelOptions, *, bench: Bench) -> VoxelBody:

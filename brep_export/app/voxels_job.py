@@ -14,7 +14,7 @@ from brep_export.app.deliver import gate, write_files
 from brep_export.app.result import result, statistics
 from brep_export.app.scene import Measured, mesh_part
 from brep_export.app.voxel_blocks import block_bodies, block_size, solid_sources
-from brep_export.app.voxel_bodies import DEFLECTION, FIT, FLAT, VoxelBody, analytic_body, faceted_body
+from brep_export.app.voxel_bodies import DEFLECTION, FIT, FLAT, VoxelBody, analytic_body, dropped_bodies, faceted_body
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import BUILDER
@@ -108,7 +108,7 @@ def _by_blocks(request: Mapping[str, Any], options: VoxelOptions, size: int, ben
     with bench.phase("read", "looking through the volume"):
         source = open_volume(request["inputs"][0], spacing=_spacing(request["spacing"]))
         solids = solid_sources(source, request)
-    bodies = block_bodies(solids, options, size, request["scheduler"], bench)
+    bodies = block_bodies(solids, options, size, request, bench)
     return _Made(bodies, source.voxel, _places(source, sum(body.figures["voxels"] for body in bodies), source.shape))
 
 
@@ -164,11 +164,7 @@ def _cleaned(grid: VoxelGrid, request: Mapping[str, Any], bench: Bench) -> Voxel
     if not solid.any():
         raise BadOption("--min-voxels", f"leaves nothing of {grid.name}; its largest body has {dropped[0]} voxels")
     if len(dropped):
-        bench.note(
-            f"dropped {len(dropped)} bodies of {grid.name}, {int(dropped.sum())} voxels in all, the largest of"
-            f" {int(dropped[0])}; kept {int(solid.sum())} voxels",
-            name="dropped",
-        )
+        bench.note(dropped_bodies(grid.name, dropped, int(solid.sum())), name="dropped")
     return grid.with_solid(solid)
 
 

@@ -24,7 +24,7 @@ from recon.voxel_mesh.block_lattice import Lattice, Place
 from recon.voxel_mesh.cell_table import cell_table
 from recon.voxel_mesh.topology import Topology, adjacency
 
-__all__ = ["BlockCount", "GridCount", "count_block", "grid_count"]
+__all__ = ["BlockCount", "Each", "GridCount", "LabelJoins", "count_block", "grid_count"]
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
@@ -39,6 +39,7 @@ class BlockCount:
     euler   share of the block in the Euler number of the solid
     faces   triangles of the surface
     n_labels  of the solid voxels and of the empty ones
+    label_sizes  (n_labels[0],) voxels of each label, counted as `voxels` are
     sides   for both, the labels on the first and the last plane along each axis
     """
 
@@ -46,6 +47,7 @@ class BlockCount:
     euler: int
     faces: int
     n_labels: tuple[int, int]
+    label_sizes: Ints
     sides: tuple[tuple[tuple[Labels, Labels], ...], ...]
 
 
@@ -62,13 +64,13 @@ def count_block(solid: SolidSource, lattice: Lattice, block: Place) -> BlockCoun
     low, stop = lattice.extent(block)
     inside = solid.window(low, stop + 1)
     euler, faces = _cell_sums(inside, _euler_table(), cell_table().counts)
-    numbers, sides = [], []
+    numbers, sizes, sides = [], [], []
     for values, joined in zip((inside, ~inside), adjacency()):
         labels, n = ndimage.label(values, joined)
         numbers.append(int(n))
+        sizes.append(np.bincount(labels[:-1, :-1, :-1].ravel(), minlength=n + 1)[1:])
         sides.append(tuple((labels.take(0, a).copy(), labels.take(-1, a).copy()) for a in range(3)))
-    voxels = int(np.count_nonzero(inside[:-1, :-1, :-1]))
-    return BlockCount(voxels, euler, faces, (numbers[0], numbers[1]), tuple(sides))
+    return BlockCount(int(sizes[0].sum()), euler, faces, (numbers[0], numbers[1]), sizes[0], tuple(sides))
 
 
 @cache
@@ -106,7 +108,7 @@ Each = Callable[[Callable[[Place], BlockCount], Sequence[Place]], Iterable[Block
 
 def grid_count(solid: SolidSource, lattice: Lattice, each: Each = map) -> GridCount:
     """Count all blocks, `each` of which may be counted elsewhere, and join what they say."""
-    joins = (_Joins(), _Joins())
+    joins = (LabelJoins(), LabelJoins())
     voxels, euler, faces = 0, 0, 0
     for block, count in zip(lattice.blocks(), each(partial(count_block, solid, lattice), lattice.blocks())):
         voxels, euler, faces = voxels + count.voxels, euler + count.euler, faces + count.faces
@@ -116,7 +118,7 @@ def grid_count(solid: SolidSource, lattice: Lattice, each: Each = map) -> GridCo
     return GridCount(voxels, faces, Topology(bodies, cavities, bodies + cavities - euler))
 
 
-class _Joins:
+class LabelJoins:
     """Labels of blocks, numbered on, and which of them are one."""
 
     def __init__(self) -> None:
@@ -140,6 +142,10 @@ class _Joins:
 
     def pieces(self) -> int:
         """How many there are when all is joined."""
+        return int(self.numbers().max(initial=-1)) + 1
+
+    def numbers(self) -> Ints:
+        """(labels,) the piece that each label is of."""
         pairs = np.concatenate([np.empty((0, 2), dtype=np.int64), *self._pairs])
         graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(self._n, self._n))
-        return int(connected_components(graph, directed=False)[0])
+        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

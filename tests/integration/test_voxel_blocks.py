@@ -90,3 +90,16 @@ def test_what_makes_no_sense_gets_one_sentence(tmp_path, hollow, words, says):
     assert run.returncode == 2
     assert says in run.stderr and "Traceback" not in run.stderr
     assert not (tmp_path / "part.step").exists()
+
+
+def test_small_bodies_are_dropped_by_blocks_too(tmp_path):
+    values = np.zeros((40, 30, 26), dtype=np.uint8)
+    values[3:30, 4:26, 3:22], values[34:37, 3:6, 3:6], values[36:38, 24:26, 20:22] = 1, 1, 1
+    np.save(tmp_path / "specks.npy", values)
+    part = tmp_path / "part.stl"
+    run = recon("voxels", tmp_path / "specks.npy", "--block", "20", "--largest", "-o", part, "--json")
+    answer = json.loads(run.stdout)
+    assert run.returncode == 0, run.stderr
+    assert (answer["room"]["bodies"], answer["room"]["voxels"]) == (1, 27 * 22 * 19)
+    assert any("dropped 2 bodies" in note and "35 voxels" in note for note in answer["notes"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["part.stl", "specks.npy"]

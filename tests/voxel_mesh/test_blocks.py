@@ -10,6 +10,7 @@ from recon.geometry.voxel_grid import Volume, VoxelGrid
 from recon.numerics.closed_mesh import opposite_halfedges
 from recon.numerics.distance import hausdorff_distance
 from recon.numerics.self_intersection import crossing_triangles
+from recon.voxel_mesh.block_bodies import body_table, wanted_bodies, write_bodies
 from recon.voxel_mesh.block_collapse import Terms, collapse_block
 from recon.voxel_mesh.block_lattice import block_lattice
 from recon.voxel_mesh.block_topology import grid_count
@@ -17,7 +18,7 @@ from recon.voxel_mesh.blocks import blocks_of, boundary_by_blocks
 from recon.voxel_mesh.marching_cubes import marching_cubes, window_surface
 from recon.voxel_mesh.open_patch import closed_off
 from recon.voxel_mesh.pipeline import VoxelOptions, voxel_boundary
-from recon.voxel_mesh.topology import grid_topology
+from recon.voxel_mesh.topology import grid_topology, kept_bodies
 
 
 def source_of(grid: VoxelGrid) -> SolidSource:
@@ -178,3 +179,14 @@ def test_what_makes_no_sense_is_refused():
         plain = VolumeSource.of(Volume(values=np.full((20, 20, 20), fill)))
         with pytest.raises(BadGeometry, match=says):
             boundary_by_blocks(solid_source(plain), size=16)
+
+
+@pytest.mark.parametrize("options", [{"largest": True}, {"min_voxels": 5}])
+def test_bodies_are_dropped_as_from_the_whole(tmp_path, options):
+    grid = random_grid(2, (17, 15, 19))
+    solid, lattice = source_of(grid), block_lattice(grid.solid.shape, 6)
+    table = body_table(solid, lattice)
+    write_bodies(solid, lattice, table, wanted_bodies(table, **options), tmp_path / "kept.npy")
+    kept, dropped = kept_bodies(grid.solid, **options)
+    assert (np.load(tmp_path / "kept.npy") == kept).all()
+    assert sorted(table.sizes[~wanted_bodies(table, **options)].tolist(), reverse=True) == dropped.tolist()
