@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from brep_export.app.cluster_calls import Each, calls
 from brep_export.app.workshop import Bench
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.mesh_source import MeshSource
@@ -32,7 +33,7 @@ def read_scan(request: Mapping[str, Any], bench: Bench) -> Scan:
 
     Raises  as `read_mesh` and `thinned_scan`.
     """
-    path, asked = request["inputs"][0], request.get("thin")
+    path, asked, scheduler = request["inputs"][0], request.get("thin"), request.get("scheduler")
     with bench.phase("read", "reading the scan"):
         large = open_mesh(path, unit=request["unit"], least=LARGE if asked is None else asked)
         if large is None:
@@ -42,12 +43,12 @@ def read_scan(request: Mapping[str, Any], bench: Bench) -> Scan:
             if asked is None or asked >= file.mesh.n_vertices:
                 return Scan(file.mesh, "every point of the scan")
             large = MeshSource.of(file.mesh.vertices, file.mesh.face_vertices, file.mesh.name)
-    with bench.phase("reconstruct", "thinning the scan"):
-        return _thinned(large, asked or LEFT, bench)
+    with bench.phase("reconstruct", "thinning the scan"), calls(scheduler) as each:
+        return _thinned(large, asked or LEFT, each, bench)
 
 
-def _thinned(scan: MeshSource, n_left: int, bench: Bench) -> Scan:
-    found = thinned_scan(scan, n_left, doing=bench.doing)
+def _thinned(scan: MeshSource, n_left: int, each: Each, bench: Bench) -> Scan:
+    found = thinned_scan(scan, n_left, each=each, doing=bench.doing)
     rms, worst = float(np.sqrt((found.distances**2).mean())), float(found.distances.max())
     bench.note(
         f"{scan.n_vertices} points were thinned to {found.mesh.n_vertices}, all of them within {worst:.3g} mm of what"

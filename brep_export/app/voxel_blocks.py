@@ -1,7 +1,7 @@
 """What `recon voxels` does for a volume by blocks: when, on which workers, and to a shape."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from os import getpid
@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from brep_export.app.batch.cluster import workers
+from brep_export.app.cluster_calls import calls
 from brep_export.app.voxel_bodies import VoxelBody, boundary_body, dropped_bodies
 from brep_export.app.workshop import Bench
-from recon.errors import BadOption, InputError, NotWritten, ReconError, Refusal
+from recon.errors import BadOption, NotWritten
 from recon.geometry.volume_source import SolidSource, VolumeSource, solid_source, source_labels
 from recon.readers.volume_windows import open_volume, volume_shape
 from recon.voxel_mesh.block_bodies import body_table, wanted_bodies, write_bodies
@@ -22,8 +22,6 @@ from recon.voxel_mesh.blocks import blocks_of, boundary_by_blocks
 from recon.voxel_mesh.pipeline import VoxelOptions
 
 __all__ = ["block_bodies", "block_size", "solid_sources"]
-
-Each = Callable[..., Iterator[Any]]
 
 WHOLE = 2**28  # voxels up to which a volume is taken as a whole: some 4 GB
 USUAL = 256  # voxels a side of a block where none is said: some hundreds of MB
@@ -75,7 +73,7 @@ def block_bodies(
 ) -> list[VoxelBody]:
     """Planar faces of every solid, by blocks of `size` voxels, on the workers of a scheduler where there is one."""
     bodies = []
-    with _calls(request["scheduler"]) as each:
+    with calls(request["scheduler"]) as each:
         for number, solid in enumerate(solids):
             with (
                 bench.phase("reconstruct", "finding the boundary"),
@@ -121,39 +119,3 @@ def _cleaned(
 
 def _place(solid: SolidSource) -> dict[str, Any]:
     return {key: getattr(solid, key) for key in ("spacing", "origin", "direction", "name")}
-
-
-@contextmanager
-def _calls(scheduler: str | None) -> Iterator[Each]:
-    """What calls a function for every entry of sequences: here, or on the workers of a scheduler."""
-    if scheduler is None:
-        yield map
-        return
-    with workers(scheduler, 0) as client:
-
-        def each(function: Callable[..., Any], *sequences: Any) -> Iterator[Any]:
-            # all are handed out before the first is waited for
-            futures = [client.submit(_told, function, *given, pure=False) for given in zip(*sequences)]
-            for number, future in enumerate(futures):
-                yield _found(future.result())
-                futures[number] = None  # what came back needs no place on its worker any more
-
-        yield each
-
-
-def _told(function: Callable[..., Any], *given: Any) -> tuple[bool, Any]:
-    """What a function returns, or the sentence with which it refuses: errors of ours do not travel."""
-    try:
-        return True, function(*given)
-    except InputError as problem:
-        return False, ("input", str(problem))
-    except ReconError as problem:
-        return False, ("refusal", str(problem))
-
-
-def _found(answer: tuple[bool, Any]) -> Any:
-    done, value = answer
-    if done:
-        return value
-    kind, sentence = value
-    raise InputError(sentence) if kind == "input" else Refusal(sentence)

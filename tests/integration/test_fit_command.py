@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 from brep_export.mesh_files import write_mesh
 from recon.geometry.mesh import TriangleMesh
 
+THREADS = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "protocol": "tcp", "dashboard_address": ":0"}
 RECON = [sys.executable, "-c", "from brep_export.app.cli import main; main()"]
 
 
@@ -105,3 +106,13 @@ def test_a_scan_is_thinned_first_where_that_is_asked_for(scan, tmp_path):
     assert answer["room"]["data_points"] == thinned["left"]
     assert "thinned scan" in answer["error"]["against"]
     assert any("1500 points were thinned" in note for note in answer["notes"])
+
+
+def test_the_workers_of_a_cluster_thin_a_scan_to_the_same_points(scan, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    options = ["--surface", "loop", "--control-points", 40, "--thin", 400, "--plain", "--rounds", 1]
+    with distributed.LocalCluster(**THREADS) as cluster:
+        for name, more in (("here", []), ("there", ["--scheduler", cluster.scheduler_address])):
+            run = recon("fit", scan, *options, *more, "-o", tmp_path / f"{name}.obj")
+            assert run.returncode == 0, run.stderr
+    assert (tmp_path / "here.obj").read_bytes() == (tmp_path / "there.obj").read_bytes()

@@ -11,6 +11,7 @@ from brep_export.app.voxel_blocks import block_size
 from brep_export.app.workshop import Bench
 from recon.errors import BadOption
 
+THREADS = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "protocol": "tcp", "dashboard_address": ":0"}
 RECON = [sys.executable, "-c", "from brep_export.app.cli import main; main()"]
 
 
@@ -52,9 +53,7 @@ def test_a_volume_by_blocks_is_the_solid_that_it_is_as_a_whole(tmp_path, hollow)
 
 def test_the_workers_of_a_cluster_make_the_same_bytes(tmp_path, hollow):
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=":0"
-    ) as cluster:
+    with distributed.LocalCluster(**THREADS) as cluster:
         for name, options in (("here", []), ("there", ["--scheduler", cluster.scheduler_address])):
             run = recon("voxels", hollow, "--block", "24", *options, "-o", tmp_path / f"{name}.stl")
             assert run.returncode == 0, run.stderr

@@ -82,6 +82,10 @@ def fit(
             help="Thin the scan to so many points first. Default: to 500,000 from 5,000,000 on.", metavar="N", min=100
         ),
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="The workers of a running Dask cluster thin a large scan.", metavar="tcp://..."),
+    ] = None,
     unit: UnitOfScans = None,
     **usual: Any,
 ) -> None:
