@@ -33,6 +33,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+TOLD = 8  # points whose error is measured, for one that is told: all of them would fill the memory
 SPREAD = np.array([3 << 40, 3 << 20, 3])  # numbers grid edges one by one, up to a million voxels along an axis
 
 
@@ -126,7 +127,9 @@ def collapse_patch(
 
 
 def block_errors(solid: SolidSource, lattice: Lattice, terms: Terms, block: Place, patch: Patch) -> Floats:
-    """Distances, both ways, between the grid's surface and the faces of a patch, of points in the block."""
+    """Distances, both ways, between the grid's surface and the faces of a patch, of points in the block: of one point
+    in TOLD, and the largest of all.
+    """
     reference = _window_reference(solid, lattice, terms, block)
     if not reference.own.any():
         return np.empty(0)
@@ -135,7 +138,8 @@ def block_errors(solid: SolidSource, lattice: Lattice, terms: Terms, block: Plac
     back = sample_surface(patch.vertices, patch.faces, len(there))
     back = back[((back >= low) & (back < stop)).all(axis=1)]
     off = closest_points(there, patch.vertices, patch.faces).distances
-    return np.concatenate([off, surface_distances(reference.look, back)])
+    found = np.concatenate([off, surface_distances(reference.look, back)])
+    return np.append(found[::TOLD], found.max())
 
 
 @dataclass(frozen=True, eq=False)
