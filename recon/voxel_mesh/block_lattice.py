@@ -52,9 +52,14 @@ class Lattice:
 
 
 def block_lattice(shape: Place, size: int, *, shifts: Place = (0, 0, 0)) -> Lattice:
-    """Blocks of `size` cells a side over a grid of so many voxels; shifts: by how many cells the planes lie farther."""
-    x, y, z = (
-        np.unique(np.append(np.arange(-1 + shift - size, n, size).clip(-1), n)).astype(np.int64)
-        for n, shift in zip(shape, shifts)
-    )
+    """Blocks of `size` cells a side over a grid of so many voxels; the last is up to a quarter longer, and no sliver.
+
+    shifts  by how many cells the planes lie farther along each axis
+    """
+    x, y, z = (_cuts(n, size, shift) for n, shift in zip(shape, shifts))
     return Lattice((x, y, z))
+
+
+def _cuts(n: int, size: int, shift: int) -> Ints:
+    planes = np.arange(-1 + shift, n, size, dtype=np.int64)
+    return np.unique(np.concatenate([[-1], planes[n - planes >= size // 4], [n]]))
