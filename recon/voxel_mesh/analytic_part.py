@@ -10,14 +10,16 @@ from recon.errors import NoSolid
 from recon.geometry.analytic import AnalyticSurface, Blend
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.voxel_mesh.marching_cubes import GridSurface, marching_cubes
+from recon.voxel_mesh.mixed_part import MixedPart
 from recon.voxel_mesh.open_intervals import NEAR, open_interval, open_radius, roundest, snapped_surface
 from recon.voxel_mesh.recognition import recognised
 from recon.voxel_mesh.regions import analytic_regions, smooth_surface
 from recon.voxel_mesh.settled_surfaces import Ends, settled_faces
+from recon.voxel_mesh.sheets import borne_out_sheets
 from recon.voxel_mesh.terraces import without_terraces
 from recon.voxel_mesh.voting import Vote
 
-__all__ = ["AnalyticPart", "analytic_part"]
+__all__ = ["AnalyticPart", "analytic_part", "free_part"]
 
 Floats = NDArray[np.float64]
 ROOM = 3  # voxels around the part
@@ -30,6 +32,7 @@ class AnalyticPart:
     intervals  for each surface, how far it may move along its normal without a voxel centre changing sides
     ends       for each blend, the solid and the empty ends (n, 3) of the grid edges of its vertices
     box        lowest and highest corner of the part, with room around
+    mixed      the same surface for a solid of true faces and triangles
     """
 
     grid: VoxelGrid
@@ -38,6 +41,7 @@ class AnalyticPart:
     intervals: tuple[tuple[float, float], ...]
     ends: tuple[tuple[Floats, Floats], ...]
     box: tuple[Floats, Floats]
+    mixed: MixedPart
 
     def vote(self) -> Vote:
         """Who says which cells between the surfaces are solid."""
@@ -68,7 +72,8 @@ def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text
     """
     surface = marching_cubes(grid)
     doing("taking the terraces off")
-    smooth = smooth_surface(surface, without_terraces(surface, grid.proportions))
+    slid = without_terraces(surface, grid.proportions)
+    smooth = smooth_surface(surface, slid)
     doing("recognising surfaces")
     regions, _ = analytic_regions(smooth)
     if not regions:
@@ -85,7 +90,16 @@ def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text
         tuple((low * grid.voxel, high * grid.voxel) for low, high in intervals),
         tuple((grid.place(ends.solid[m]), grid.place(ends.empty[m])) for m in found.blend_members),
         _box(surface, grid),
+        MixedPart(grid, surface, slid, tuple(borne_out_sheets(found, ends)), ends),
     )
+
+
+def free_part(grid: VoxelGrid) -> MixedPart:
+    """The smoothed surface of a grid without a single sheet."""
+    surface = marching_cubes(grid)
+    slid = without_terraces(surface, grid.proportions)
+    normal = smooth_surface(surface, slid).normal
+    return MixedPart(grid, surface, slid, (), Ends(*_ends(surface, grid), normal))
 
 
 def _ends(surface: GridSurface, grid: VoxelGrid) -> tuple[Floats, Floats]:
