@@ -107,8 +107,8 @@ def _faces(boundary: MixedBoundary) -> list[TopoDS_Shape]:
 
 def _gaps(boundary: MixedBoundary) -> tuple[Floats, Floats]:
     """Tolerances of the edges (E,) and the vertices (V,): how far straight edges are off the surfaces beside them."""
-    ends = np.array([(e.start, e.end) for e in boundary.edges])
-    straight = np.array([e.points is None for e in boundary.edges])
+    ends = np.array([(e.start, e.end) for e in boundary.edges], dtype=np.int64).reshape(-1, 2)
+    straight = np.array([e.points is None for e in boundary.edges], dtype=bool)
     edge_gap, vertex_gap = np.full(len(ends), KERNEL_TOLERANCE), np.full(len(boundary.vertices), KERNEL_TOLERANCE)
     for face in boundary.faces:
         if face.surface is not None:

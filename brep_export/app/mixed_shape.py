@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from OCP.TopoDS import TopoDS_Shape
 
-from brep_export.app.voxel_proof import FLAT, held_against, proved
+from brep_export.app.voxel_proof import held_against, proved
 from brep_export.app.workshop import Bench
 from brep_export.mixed import RefusedFaces, mixed_solid
 from brep_export.solids import polyhedron_solid
@@ -12,7 +12,7 @@ from recon.errors import NoSolid, Refusal
 from recon.geometry.analytic import Plane
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.mixed import MixedBoundary
-from recon.geometry.polyhedron import Polyhedron, merge_coplanar
+from recon.geometry.polyhedron import Polyhedron, triangle_polyhedron
 from recon.voxel_mesh.mixed_part import MixedPart, mixed_boundary
 from recon.voxel_mesh.open_intervals import open_interval
 from recon.voxel_mesh.revoxelise import WrongSide
@@ -73,11 +73,7 @@ def _built(part: MixedPart, tolerance: float, bench: Bench) -> MixedShape:
     with bench.phase("reconstruct", "parting the surface"):
         boundary = mixed_boundary(part, tolerance, doing=bench.doing)
     with bench.phase("brep", "building the solid"):
-        polyhedron = None if part.sheets else _polyhedron(boundary, FLAT * part.grid.voxel)
+        polyhedron = None if part.sheets else triangle_polyhedron(boundary.triangle_mesh())
         shape = mixed_solid(boundary) if polyhedron is None else polyhedron_solid(polyhedron)
         proved(shape, part.grid.voxel)
         return MixedShape(part, boundary, shape, *held_against(part.grid, shape), polyhedron)
-
-
-def _polyhedron(boundary: MixedBoundary, tolerance: float) -> Polyhedron:
-    return merge_coplanar(TriangleMesh(boundary.vertices, boundary.triangles()[0]), tolerance)

@@ -1,6 +1,6 @@
 """One binary grid to one kernel shape, with flat facets or with true faces, and the figures that go with it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from brep_export.triangulation import triangulate
 from brep_export.turned import turned_solid
 from recon.errors import NoSolid, NotManifold
 from recon.geometry.mesh import TriangleMesh
-from recon.geometry.polyhedron import PlanarFace, Polyhedron, merge_coplanar, mesh_bodies
+from recon.geometry.polyhedron import Polyhedron, merge_coplanar, triangle_polyhedron
 from recon.geometry.turned import ProfileLine, TurnedPart
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.numerics.distance import closest_points, sample_surface
@@ -41,6 +41,7 @@ FEW = (
     0.005  # of the steps from voxel to voxel across the surface may have such centres; a whole face of them is too much
 )
 PROBES = 20_000
+OF_TRUE_FACES = frozenset({"mixed-faces", "left-sharp", "wrong-side"})  # notes that say nothing of triangles
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +74,7 @@ def _polyhedron(mesh: TriangleMesh, tolerance: float, bench: Bench) -> Polyhedro
         return merge_coplanar(mesh, tolerance)
     except NotManifold as problem:
         bench.note(f"coplanar triangles were not merged ({problem})", name="not-merged")
-        faces = tuple(PlanarFace((a, b, c)) for a, b, c in mesh.face_vertices.tolist())
-        bodies = tuple(tuple(tuple(shell.tolist()) for shell in body) for body in mesh_bodies(mesh))
-        return Polyhedron(mesh.vertices, faces, bodies)
+        return triangle_polyhedron(mesh)
 
 
 def analytic_body(grid: VoxelGrid, options: VoxelOptions, *, snap: float | None, bench: Bench) -> VoxelBody:
@@ -126,11 +125,14 @@ def _smoothed(options: VoxelOptions) -> float:
 
 def smooth_body(grid: VoxelGrid, options: VoxelOptions, *, bench: Bench) -> VoxelBody:
     """Planar faces on the surface without terraces: on the part's own surfaces where they are recognised."""
-    body = analytic_body(grid, options, snap=None, bench=bench)
+    inner = replace(bench, notes=[], silenced=bench.silenced | OF_TRUE_FACES)
+    body = analytic_body(grid, options, snap=None, bench=inner)
+    if "surfaces" not in body.figures:  # the terraces are still there, and the notes say why
+        bench.notes += inner.notes
     if body.polyhedron is None:
         with bench.phase("brep", "dividing the faces into triangles"):
             mesh = triangulate(body.shape, FACETED * grid.voxel).mesh
-            polyhedron = _polyhedron(mesh, FLAT * grid.voxel, bench)
+            polyhedron = triangle_polyhedron(mesh)
             shape = polyhedron_solid(polyhedron)
         body = _true_faces(grid, shape, mesh, wrong_side(grid, mesh), [], bench)
         body = VoxelBody(shape, body.errors, body.figures | {"faces": mesh.n_faces}, polyhedron)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry.analytic import AnalyticSurface
+from recon.geometry.mesh import TriangleMesh
 
 __all__ = ["MixedBoundary", "MixedEdge", "MixedFace"]
 
@@ -63,6 +64,10 @@ class MixedBoundary:
         free = [face for face in self.faces if face.surface is None]
         start = [[self.edges[e].start if way else self.edges[e].end for e, way in face.loops[0]] for face in free]
         return np.array(start, dtype=np.int64).reshape(-1, 3), np.array([f.patch for f in free], dtype=np.int64)
+
+    def triangle_mesh(self) -> TriangleMesh:
+        """The faces without a formula alone: closed where there are no others."""
+        return TriangleMesh(self.vertices, self.triangles()[0])
 
     @property
     def n_triangles(self) -> int:

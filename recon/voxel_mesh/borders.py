@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-FARTHEST = 1.8  # voxels that a vertex may move to the curve or the corner where it belongs
+FARTHEST = 2.5  # voxels that a vertex may move to the curve or the corner where it belongs
 NEWTON, MET = 25, 1e-9
 STEP = 0.5  # voxels along a curve from point to point
 TANGENT = 0.95  # cosine of the angle between normals of a plane and a cylinder that touch

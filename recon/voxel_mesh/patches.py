@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from recon.voxel_mesh.settled_surfaces import Ends
-from recon.voxel_mesh.sheets import Sheet
+from recon.voxel_mesh.sheets import DEEP, Sheet
 
 __all__ = ["FREE", "Patches", "sheet_patches"]
 
@@ -26,7 +26,6 @@ Bools = NDArray[np.bool_]
 FREE = -1
 RINGS = 400  # of growth, at most
 CRUMB, ISLE = 12, 60  # triangles of a patch on a sheet, or of a free one among sheets, that are too few
-NEAR = 0.75  # voxels from the sheets around of the vertices of a free patch that is given to them
 STRIP_FIRST = 1.0  # voxels by which a rounding, which knows its ends, goes before the planes that it touches
 PASSES = 12
 
@@ -50,12 +49,11 @@ def sheet_patches(
     freed = np.zeros(len(ends.solid), dtype=bool) if freed is None else freed
     label = _grown(faces, sheets, ends, freed)
     sheet = _of_triangles(label[faces])
-    middle = 0.5 * (ends.solid + ends.empty)
-    for _ in range(PASSES):
+    for number in range(PASSES):
         before = sheet.copy()
-        sheet = _smoothed(sheet, twin)
+        sheet = _smoothed(sheet, twin) if number < PASSES // 2 else sheet  # crumbs may go to and fro for ever
         sheet = _without_crumbs(sheet, twin)
-        sheet = _without_isles(sheet, faces, twin, sheets, (middle, freed))
+        sheet = _without_isles(sheet, faces, twin, sheets, (ends, freed))
         sheet = _without_pinches(sheet, faces, twin)
         if (sheet == before).all():
             break
@@ -69,7 +67,7 @@ def _grown(faces: Ints, sheets: Sequence[Sheet], ends: Ends, freed: Bools) -> In
     """(V,) sheet of every vertex: ring by ring from its members to the vertices that it bears."""
     n = len(ends.solid)
     rows = np.arange(n)
-    bears = np.array([sheet.bears(ends, rows) for sheet in sheets]).reshape(-1, n) & ~freed
+    bears = np.array([sheet.bears(ends, rows) for sheet in sheets], dtype=bool).reshape(-1, n) & ~freed
     middle = 0.5 * (ends.solid + ends.empty)
     away = np.array([np.abs(s.surface.distance(middle)) - STRIP_FIRST * bool(s.touches) for s in sheets]).reshape(-1, n)
     label, best = np.full(n, FREE), np.full(n, np.inf)
@@ -115,36 +113,39 @@ def _numbered(sheet: Ints, twin: Ints) -> Ints:
 def _without_crumbs(sheet: Ints, twin: Ints) -> Ints:
     """Small patches on a sheet given to the neighbour with which they share most sides."""
     patch = _numbered(sheet, twin)
-    small = (np.bincount(patch) < CRUMB)[patch] & (sheet != FREE)
-    sheet = sheet.copy()
-    h = np.flatnonzero(small[np.arange(len(twin)) // 3] & (patch[np.arange(len(twin)) // 3] != patch[twin // 3]))
-    for number in np.unique(patch[small]).tolist():
-        around = sheet[twin[h[patch[h // 3] == number]] // 3]
-        values, counts = np.unique(around, return_counts=True)
-        sheet[patch == number] = values[counts.argmax()] if len(values) else FREE
-    return sheet
+    here, there = np.arange(len(twin)) // 3, twin // 3
+    small = (np.bincount(patch) < CRUMB) & (np.bincount(patch, sheet != FREE) > 0.0)
+    h = np.flatnonzero(small[patch[here]] & (patch[here] != patch[there]))
+    pairs, sides = np.unique(np.column_stack([patch[here[h]], sheet[there[h]]]), axis=0, return_counts=True)
+    order = np.argsort(sides, kind="stable")  # of each patch the neighbour with most sides comes last
+    goes = np.full(len(small), FREE)
+    goes[pairs[order, 0]] = pairs[order, 1]
+    return np.where(small[patch], goes[patch], sheet)
 
 
-def _without_isles(
-    sheet: Ints, faces: Ints, twin: Ints, sheets: Sequence[Sheet], vertices: tuple[Floats, Bools]
-) -> Ints:
-    """Small free patches given, triangle by triangle, to the nearest of the sheets around them, where that is near.
+def _without_isles(sheet: Ints, faces: Ints, twin: Ints, sheets: Sequence[Sheet], vertices: tuple[Ends, Bools]) -> Ints:
+    """Small free patches given, triangle by triangle, to the nearest of the sheets around them, where every vertex has
+    one among these that stabs its grid edge.
 
-    vertices  their middles, and which are freed: patches with one of these stay
+    vertices  their grid edges, and which are freed: patches with one of these stay
     """
-    middle, freed = vertices
+    ends, freed = vertices
     patch = _numbered(sheet, twin)
     small = (np.bincount(patch) < ISLE)[patch] & (sheet == FREE)
     sheet = sheet.copy()
     all_sides = np.arange(len(twin))
     h = all_sides[small[all_sides // 3] & (sheet[twin // 3] != FREE)]
     for number in np.unique(patch[small]).tolist():
-        around = np.unique(sheet[twin[h[patch[h // 3] == number]] // 3])
+        around = np.unique(sheet[twin[h[patch[h // 3] == number]] // 3]).tolist()
         rows = np.flatnonzero(patch == number)
-        x = middle[faces[rows]]
-        away = [np.abs(sheets[k].surface.distance(x.reshape(-1, 3))).reshape(-1, 3).max(axis=1) for k in around]
-        if len(around) and not freed[faces[rows]].any() and np.min(away, axis=0).max() <= NEAR:
-            sheet[rows] = around[np.argmin(away, axis=0)]
+        corners = faces[rows]
+        if not around or freed[corners].any():
+            continue
+        missed = np.array([sheets[k].depth(ends, corners.ravel()) for k in around])
+        if missed.min(axis=0).max() <= DEEP:
+            x = 0.5 * (ends.solid + ends.empty)[corners.ravel()]
+            away = [np.abs(sheets[k].surface.distance(x)).reshape(-1, 3).max(axis=1) for k in around]
+            sheet[rows] = np.array(around)[np.argmin(away, axis=0)]
     return sheet
 
 

@@ -133,7 +133,7 @@ def _strip(blend: Blend, faces: Faces, number: dict[int, int]) -> tuple[Cylinder
 
 
 def stabbed_places(sheet: Sheet, ends: Ends, rows: Ints) -> Floats:
-    """(n, 3) places where the sheet runs through the grid edges of vertices it bears, or no farther than DEEP from it."""
+    """(n, 3) places where the sheet runs through the grid edges of vertices that it bears, or within DEEP of that."""
     start, way = ends.solid[rows], ends.empty[rows] - ends.solid[rows]
     t = np.full(len(rows), 0.5)
     for _ in range(ROUNDS):
