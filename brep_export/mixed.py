@@ -89,8 +89,7 @@ def _faces(boundary: MixedBoundary) -> list[TopoDS_Shape]:
     edges = [_edge(edge, boundary.vertices, vertices) for edge in boundary.edges]
     for edge, gap in zip(edges, edge_gap.tolist()):
         BUILDER.UpdateEdge(edge, gap)
-    surfaces = [_surface(surface) for surface in boundary.surfaces]
-    bare = [_bare_face(face, boundary, surfaces, edges) for face in boundary.faces]
+    bare = [_bare_face(face, boundary, edges) for face in boundary.faces]
     context = ShapeBuild_ReShape()
     refused = []
     for number, face in enumerate(boundary.faces):
@@ -170,39 +169,72 @@ def _circle(a: Floats, b: Floats, c: Floats) -> tuple[Floats, float, Floats]:
     return centre, float(np.linalg.norm(a - centre)), normal
 
 
-def _surface(surface: AnalyticSurface) -> Geom_Surface:
+def _surface(surface: AnalyticSurface, loops: list[Floats]) -> Geom_Surface:
+    """The surface with its seam where loops (n, 3) that do not run all around it leave most room for it: a hole across
+    the seam would lie on two sheets.
+    """
     if isinstance(surface, Plane):
         normal = surface.normal_vector
         return Geom_Plane(_point(surface.offset * normal), gp_Dir(*normal.tolist()))
     if isinstance(surface, Cylinder):
-        return Geom_CylindricalSurface(_frame(surface.point, surface.axis), surface.radius)
+        return Geom_CylindricalSurface(_frame(surface.point, surface.axis, loops), surface.radius)
     if isinstance(surface, Sphere):
-        return Geom_SphericalSurface(_frame(surface.centre, np.eye(3)[2]), surface.radius)
+        return Geom_SphericalSurface(_frame(surface.centre, np.eye(3)[2], loops), surface.radius)
     assert isinstance(surface, Cone)
-    return Geom_ConicalSurface(_frame(surface.apex, surface.axis), surface.half_angle, 0.0)
+    return Geom_ConicalSurface(_frame(surface.apex, surface.axis, loops), surface.half_angle, 0.0)
 
 
 def _point(p: Floats) -> gp_Pnt:
     return gp_Pnt(*(float(x) for x in p))
 
 
-def _frame(point: Floats, axis: Floats) -> gp_Ax3:
-    return gp_Ax3(_point(point), gp_Dir(*axis.tolist()))
+def _frame(point: Floats, axis: Floats, loops: list[Floats]) -> gp_Ax3:
+    side = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
+    side /= np.linalg.norm(side)
+    other = np.cross(axis, side)
+    angles = [np.arctan2((x - point) @ other, (x - point) @ side) for x in loops]
+    seam = _widest_gap([a for a in angles if not _runs_around(a)] or angles)
+    toward = np.cos(seam) * side + np.sin(seam) * other
+    return gp_Ax3(_point(point), gp_Dir(*axis.tolist()), gp_Dir(*toward.tolist()))
 
 
-def _bare_face(
-    face: MixedFace, boundary: MixedBoundary, surfaces: list[Geom_Surface], edges: list[TopoDS_Edge]
-) -> TopoDS_Shape:
+def _runs_around(angles: Floats) -> bool:
+    """Whether a loop, at these angles about an axis, runs around it."""
+    steps = np.diff(angles, append=angles[:1])
+    return bool(abs((steps - 2.0 * np.pi * np.round(steps / (2.0 * np.pi))).sum()) > np.pi)
+
+
+def _widest_gap(angles: list[Floats]) -> float:
+    """The angle in the middle of the widest gap between some."""
+    if not angles:
+        return 0.0
+    row = np.sort(np.concatenate(angles))
+    gaps = np.diff(row, append=row[0] + 2.0 * np.pi)
+    widest = int(gaps.argmax())
+    return float(row[widest] + 0.5 * gaps[widest])
+
+
+def _bare_face(face: MixedFace, boundary: MixedBoundary, edges: list[TopoDS_Edge]) -> TopoDS_Shape:
     """The face as its surface looks, before it is turned outward."""
     if face.surface is None:
         first = [boundary.edges[e].start if way else boundary.edges[e].end for e, way in face.loops[0]]
         a, b, c = boundary.vertices[first]
         surface: Geom_Surface = Geom_Plane(_point(a), gp_Dir(*np.cross(b - a, c - a).tolist()))
     else:
-        surface = surfaces[face.surface]
+        surface = _surface(boundary.surfaces[face.surface], [_points(loop, boundary) for loop in face.loops])
     reverse = face.outside < 0.0
     loops = [loop[::-1] if reverse else loop for loop in face.loops]
     return make_face(surface, [make_wire(turned(edges[e], way == reverse) for e, way in loop) for loop in loops])
+
+
+def _points(loop: tuple[tuple[int, bool], ...], boundary: MixedBoundary) -> Floats:
+    """Points (n, 3) along a loop."""
+    rows = []
+    for number, way in loop:
+        edge = boundary.edges[number]
+        points = boundary.vertices[[edge.start, edge.end]] if edge.points is None else edge.points
+        rows.append(points[:-1] if way else points[:0:-1])
+    return np.concatenate(rows)
 
 
 def _healed(face: TopoDS_Shape, context: ShapeBuild_ReShape, slack: float) -> TopoDS_Shape | None:

@@ -68,7 +68,7 @@ class AnalyticPart:
 def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text: None) -> AnalyticPart:
     """Surfaces of the part that a grid shows.
 
-    Raises  NoSolid when nothing on the grid's surface is plane, cylinder, sphere or cone.
+    Raises  NoSolid when nothing on the grid's surface is plane, cylinder, sphere or cone, or too much of it.
     """
     surface = marching_cubes(grid)
     doing("taking the terraces off")

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cadquery as cq
 import numpy as np
 import pytest
 
@@ -44,6 +45,40 @@ def test_a_wall_between_a_true_circle_and_chords_closes_a_solid():
     polygon = 0.5 * N * RADIUS**2 * np.sin(2.0 * np.pi / N)
     assert polygon * HEIGHT < report.measures.volume < np.pi * RADIUS**2 * HEIGHT
     assert report.as_json()["faces"] == N + 2
+
+
+def tube_with_a_window(middle: float) -> MixedBoundary:
+    """The can with a window of four triangles in its wall, at an angle about its axis."""
+    lower = can()
+    angle, height = np.array([-0.3, 0.3, 0.3, -0.3]) / RADIUS + middle, np.array([3.0, 3.0, 4.0, 4.0])
+    corners = np.column_stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle), height])
+    v, e = len(lower.vertices), len(lower.edges)
+    tip = 0.9 * corners.mean(axis=0) * [1.0, 1.0, 1.0 / 0.9]
+    frame = [MixedEdge(v + k, v + (k + 1) % 4) for k in range(4)]
+    ribs = [MixedEdge(v + k, v + 4) for k in range(4)]
+    around = tuple((e + k, False) for k in (3, 2, 1, 0))
+    panes = [
+        MixedFace(None, 1.0, (((e + k, True), (e + 4 + (k + 1) % 4, True), (e + 4 + k, False)),), 0.0, 3)
+        for k in range(4)
+    ]
+    top, wall, *fan = lower.faces
+    faces = (top, replace(wall, loops=(*wall.loops, around)), *fan, *panes)
+    return replace(
+        lower,
+        vertices=np.vstack([lower.vertices, corners, tip]),
+        edges=(*lower.edges, *frame, *ribs),
+        faces=faces,
+        bodies=((tuple(range(len(faces))),),),
+    )
+
+
+@pytest.mark.parametrize("degrees", [0.0, 90.0, 180.0, 270.0])
+def test_a_wall_has_its_seam_beside_its_windows(degrees):
+    solid = mixed_solid(tube_with_a_window(np.radians(degrees)))
+    report = check(solid, Tolerance(merge=1e-3, fit=0.05), expect=ShapeKind.SOLID)
+    assert report.passed, report.defects
+    half = cq.Workplane(cq.Shape.cast(solid)).cut(cq.Workplane().box(20, 20, 2))
+    assert half.val().isValid()
 
 
 def inside_out(boundary: MixedBoundary) -> MixedBoundary:
