@@ -23,6 +23,7 @@ __all__ = ["AnalyticPart", "analytic_part", "free_part"]
 
 Floats = NDArray[np.float64]
 ROOM = 3  # voxels around the part
+MOST = 60  # surfaces: settled together, and cut with each other, they take the square of that
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +79,11 @@ def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text
     regions, _ = analytic_regions(smooth)
     if not regions:
         raise NoSolid(f"nothing on {grid.name} is a plane, a cylinder, a sphere or a cone")
+    ends, faces = Ends(*_ends(surface, grid), smooth.normal), recognised(smooth, regions)
+    if len(faces.surfaces) > MOST:
+        raise NoSolid(f"{len(faces.surfaces)} surfaces were found on {grid.name}, more than the {MOST} a part may have")
     doing("settling the surfaces between the voxels")
-    ends = Ends(*_ends(surface, grid), smooth.normal)
-    found = settled_faces(recognised(smooth, regions), ends, smooth.middle)
+    found = settled_faces(faces, ends, smooth.middle)
     place = (grid.direction, grid.voxel, grid.origin)
     intervals = [open_interval(one, ends.solid[m], ends.empty[m]) for one, m in zip(found.surfaces, found.members)]
     return AnalyticPart(
