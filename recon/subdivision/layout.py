@@ -1,4 +1,4 @@
-"""Quadrilaterals ready to become faces of a solid: irregular vertices apart, regular quads in rectangles.
+"""Quadrilaterals ready to become faces of a solid: irregular vertices apart.
 
     o---o---o---o---o        R   regular: all four corners have the faces of a regular mesh, the limit is bicubic
     | R | R | R | R |        x   a vertex that has not; its quads become caps

@@ -1,11 +1,12 @@
-"""Surfaces of quadrilaterals as faces for a solid: rectangles of exact splines, and caps around irregular vertices.
+"""Surfaces of quadrilaterals as faces for a solid: rectangles of exact splines, with caps around irregular vertices.
 
-    rectangle of m x n quads   one B-spline surface with unit spans, bicubic in Catmull-Clark's scheme and bi-quadratic
-                               in Doo-Sabin's: exact
-    cap                        one bi-quintic Bezier patch a quad (`quad_caps`)
+    regular quad   bicubic in Catmull-Clark's scheme and bi-quadratic in Doo-Sabin's: exact
+    cap            one bi-quintic Bezier patch a quad at an irregular vertex (`quad_caps`)
+    rectangle      m x n quads between tracks (`tracks`), with caps at its corners alone; one B-spline surface with unit
+                   spans, of the scheme's own degree without caps, bi-quintic with them: a cap shares position and
+                   tangents with the quads beyond its outer sides
 
-Both are laid over the same quads, so what two of them share is a row of the quads' edges: the row becomes one edge, cut
-where a third surface begins.
+What two rectangles share is a row of the quads' edges: it becomes one edge, cut where a third rectangle begins.
 
 Where a cap is too far from the limit surface the mesh is refined once more: the caps shrink, and the rectangles lose
 the knots that refinement put into them (`uniform_splines`).
@@ -62,7 +63,7 @@ class LimitFaces(NamedTuple):
 def catmull_clark_faces(mesh: ControlMesh, *, grouped: bool = True, allowed: float = np.inf) -> LimitFaces:
     """Faces of the Catmull-Clark surface of a quadrilateral control mesh without semi-sharp creases.
 
-    grouped   whether regular quads become rectangles; else each is a face of its own
+    grouped   whether quads become rectangles; else each is a face of its own
     allowed   how far caps may stay from the limit surface; reached as far as three refinements and a quarter of a
               million quads go
     Promises  tangent planes agree along every edge that is no crease, but at corners where the surface has none;
@@ -107,7 +108,7 @@ def _laid(
     regular = np.ones(len(sheets.faces), dtype=bool)
     regular[caps.faces] = False
     place = np.where(regular, -1, np.cumsum(~regular) - 1)
-    boxes = _boxes(sheets, regular) if grouped else _single(len(sheets.faces))
+    boxes = _boxes(sheets, whole[0], regular) if grouped else _single(len(sheets.faces))
     exact = [box for box in boxes if regular[box.faces].all()]
     other = [box for box in boxes if not regular[box.faces].all()]
     tiles = [_spline(box, *surface) for box in exact] + [_capped(box, surface, caps.nets, place) for box in other]
@@ -115,9 +116,9 @@ def _laid(
     return LimitFaces(mosaic, len(exact), float(caps.off.max(initial=0.0)))
 
 
-def _boxes(sheets: Sheets, regular: NDArray[np.bool_]) -> list[Rectangle]:
+def _boxes(sheets: Sheets, faces: Ints, regular: NDArray[np.bool_]) -> list[Rectangle]:
     parted = tracks(sheets.faces, sheets.across, regular)
-    return rectangles(np.where(parted, -1, sheets.across))
+    return rectangles(faces, np.where(parted, -1, sheets.across))
 
 
 def _single(n: int) -> list[Rectangle]:

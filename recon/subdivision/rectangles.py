@@ -44,13 +44,35 @@ class _Box(NamedTuple):
         return (self.right - self.left + 1) * (self.top - self.bottom + 1)
 
 
-def rectangles(across: Ints) -> list[Rectangle]:
-    """All quads in few rectangles, none of which meets itself along a side.
+def rectangles(faces: Ints, across: Ints) -> list[Rectangle]:
+    """All quads in few rectangles, none of which meets itself along a side or at a vertex.
 
+    faces   (F, 4) vertices
     across  (F, 4) sides across; -1 where a rectangle must end
     """
     search = _Search(across)
-    return [*search.whole_parts(), *search.largest_first()]
+    found = [*search.whole_parts(), *search.largest_first()]
+    return [part for rectangle in found for part in _apart(faces, rectangle)]
+
+
+def _apart(faces: Ints, rectangle: Rectangle) -> list[Rectangle]:
+    """The rectangle, cut between two places of its border where it meets itself at a vertex."""
+    n, m = rectangle.faces.shape
+    vertices = np.empty((n + 1, m + 1), dtype=np.int64)
+    for side, (j, i) in enumerate(((0, 0), (0, 1), (1, 1), (1, 0))):
+        corners = faces[rectangle.faces, (rectangle.turns + side) % 4]
+        vertices[j : j + n, i : i + m] = corners
+    inner = np.zeros(vertices.shape, dtype=bool)
+    inner[1:-1, 1:-1] = True
+    places = np.argwhere(~inner)
+    order = np.argsort(vertices[~inner], kind="stable")
+    twice = np.flatnonzero(np.diff(vertices[~inner][order]) == 0)
+    if not len(twice):
+        return [rectangle]
+    pair = places[order[twice[0] : twice[0] + 2]]
+    axis = int(np.abs(pair[1] - pair[0]).argmax())
+    halves = (np.split(part, [int(pair[:, axis].sum()) // 2], axis=axis) for part in rectangle)
+    return [part for half in zip(*halves) for part in _apart(faces, Rectangle(*half))]
 
 
 class _Search:

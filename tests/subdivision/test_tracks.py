@@ -22,7 +22,7 @@ def boxes_of(mesh):
     layout = isolated(mesh)
     sheets = layout.sheets
     on_track = tracks(sheets.faces, sheets.across, layout.regular)
-    return layout, on_track, rectangles(np.where(on_track, -1, sheets.across))
+    return layout, on_track, rectangles(sheets.faces, np.where(on_track, -1, sheets.across))
 
 
 @pytest.mark.parametrize("name", MESHES)
@@ -62,3 +62,15 @@ def test_rectangles_are_at_most_three_for_four_irregular_quads():
         layout, _, boxes = boxes_of(mesh)
         if (layout.sheets.across >= 0).all():
             assert len(boxes) <= 0.75 * (~layout.regular).sum()
+
+
+def test_a_rectangle_that_meets_itself_at_a_vertex_is_cut_between_the_places():
+    n = 6
+    low, high = np.arange(n + 1), n + 1 + np.arange(n + 1)
+    low[-1] = low[0]  # a row of quads bent round, its ends joined at a corner alone
+    faces = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
+    across = np.full((n, 4), -1)
+    across[:-1, 1], across[1:, 3] = 4 * np.arange(1, n) + 3, 4 * np.arange(n - 1) + 1
+    boxes = rectangles(faces, across)
+    assert sorted(box.faces.size for box in boxes) == [3, 3]
+    assert all(len(np.unique(faces[box.faces])) == 2 * (box.faces.size + 1) for box in boxes)
