@@ -45,7 +45,8 @@ from brep_export.app.fit_job import CLOSE_CAPS
 from brep_export.app.limit_shape import limit_shape
 from brep_export.app.terrain_job import TOLERANCE, lowest_place
 from brep_export.app.views_job import SLACK
-from brep_export.app.voxel_bodies import FIT, FLAT, faceted_body
+from brep_export.app.voxel_bodies import faceted_body
+from brep_export.app.voxel_proof import FIT, FLAT
 from brep_export.app.workshop import Bench
 from brep_export.blocks import block_solid
 from brep_export.check import CheckReport, check
