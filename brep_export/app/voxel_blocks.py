@@ -33,7 +33,8 @@ def block_size(request: Mapping[str, Any], bench: Bench) -> int | None:
 
     Raises  BadOption for options that look at a whole volume, beside --block.
     """
-    whole = "analytic" if request["analytic"] else "features" if request["features"] == "paper" else None
+    whole = next((name for name in ("analytic", "smooth") if request[name]), None)
+    whole = "features" if request["features"] == "paper" else whole
     if request["block"] is not None:
         if whole is not None:
             raise BadOption(f"--{whole}", "looks at the whole volume: not with --block")

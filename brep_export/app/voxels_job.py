@@ -14,7 +14,8 @@ from brep_export.app.deliver import gate, write_files
 from brep_export.app.result import result, statistics
 from brep_export.app.scene import Measured, mesh_part
 from brep_export.app.voxel_blocks import block_bodies, block_size, solid_sources
-from brep_export.app.voxel_bodies import DEFLECTION, FIT, FLAT, VoxelBody, analytic_body, dropped_bodies, faceted_body
+from brep_export.app.voxel_bodies import VoxelBody, analytic_body, dropped_bodies, faceted_body, smooth_body
+from brep_export.app.voxel_proof import DEFLECTION, FIT, FLAT
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import BUILDER
@@ -46,6 +47,8 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
     options = _options(request)
     if request["snap"] is not None and not request["analytic"]:
         raise BadOption("--snap", "is for true faces; ask for them with --analytic")
+    if request["smooth"] and (request["faces"] or request["reduction"] is not None or request["fast"]):
+        raise BadOption("--smooth", "stops at its own --tolerance; leave --faces, --reduction and --fast out")
     block = block_size(request, bench)
     made = _by_blocks(request, options, block, bench) if block else _as_a_whole(request, options, bench)
     solids = made.bodies
@@ -98,6 +101,8 @@ def _as_a_whole(request: Mapping[str, Any], options: VoxelOptions, bench: Bench)
         grids = [_cleaned(grid, request, bench) for grid in _grids(volume, request)]
     if request["analytic"]:
         bodies = [analytic_body(grid, options, snap=request["snap"], bench=bench) for grid in grids]
+    elif request["smooth"]:
+        bodies = [smooth_body(grid, options, bench=bench) for grid in grids]
     else:
         bodies = [faceted_body(grid, options, bench=bench) for grid in grids]
     figures = _places(grids[0], sum(int(grid.solid.sum()) for grid in grids), grids[0].solid.shape)

@@ -20,7 +20,15 @@ def recon(*words):
 
 
 def request(path, **options):
-    usual = {"analytic": False, "largest": False, "min_voxels": 1, "features": "none", "block": None, "scheduler": None}
+    usual = {
+        "analytic": False,
+        "smooth": False,
+        "largest": False,
+        "min_voxels": 1,
+        "features": "none",
+        "block": None,
+        "scheduler": None,
+    }
     return usual | options | {"inputs": [str(path)]}
 
 
@@ -71,7 +79,7 @@ def test_blocks_are_taken_by_themselves_where_a_volume_is_large(tmp_path):
     assert block_size(request(path, block=128), bench) == 128
 
 
-@pytest.mark.parametrize("option", [{"analytic": True}, {"features": "paper"}])
+@pytest.mark.parametrize("option", [{"analytic": True}, {"smooth": True}, {"features": "paper"}])
 def test_what_looks_at_the_whole_volume_is_refused_beside_blocks(hollow, option):
     with pytest.raises(BadOption, match=f"--{next(iter(option))}"):
         block_size(request(hollow, block=32, **option), Bench(lambda message: None))
