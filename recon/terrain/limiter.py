@@ -32,8 +32,8 @@ def limited_jets(
     limits: Levels,
     interval: float,
     held: Ints | None = None,
-) -> tuple[VertexJets, tuple[PatchGroup, ...]]:
-    """Jets scaled down where needed, and the patches made from them.
+) -> tuple[VertexJets, tuple[PatchGroup, ...], Ints]:
+    """Jets scaled down where needed, the patches made from them, and those (n,) that go too far all the same.
 
     made  makes the patches of some rows of the layout, or of all, always in the same groups
     held  vertices whose jets stay as they are, whatever the patches do
@@ -59,7 +59,7 @@ def limited_jets(
             break
         parts = made(jets, changed)
         nets = tuple(group.replaced(new) for group, new in zip(nets, parts))
-    return jets, nets
+    return jets, nets, np.flatnonzero(excess(low, high, nets) > allowed)
 
 
 def excess(low: Floats, high: Floats, parts: Sequence[PatchGroup]) -> Floats:

@@ -55,7 +55,7 @@ SMALL_RING, RING_REACH = 12.0, 2.0  # spacings of the points: length of a ring t
 MOST_NAMED = 5
 PATIENCE = 3  # refits before rings are left out
 REFITS, TIGHTENINGS, UNFOLDINGS = 14, 9, 12
-REFINEMENTS = 4  # where patches dip below a floor
+REFINEMENTS = 4  # where patches leave the heights around them all the same
 LEAVINGS = 5  # fits after which curves that still leave the map are left to the tiling
 WAYPOINTS = np.linspace(0.0, 1.0, 17)[1:-1]  # of a segment, whose ends may lie on the border
 
@@ -158,7 +158,7 @@ def terrain_surface(
         notes += left_out
         laid = _laid(tiling, fitting, doing)
         for _ in range(REFINEMENTS):
-            if not len(laid.dipping):
+            if not len(laid.astray):
                 break
             tiling = _finer(tiling, local, fitting, laid)
             laid = _laid(tiling, fitting, doing)
@@ -193,13 +193,13 @@ class _Fitting:
 
 
 class _Laid(NamedTuple):
-    """Patches over a tiling, the strips of its triangles, and the patches that dip below a floor."""
+    """Patches over a tiling, the strips of its triangles, and the patches that leave the heights around them."""
 
     layout: PatchLayout
     jets: VertexJets
     nets: tuple[PatchGroup, ...]
     strip: Ints
-    dipping: Ints
+    astray: Ints
 
 
 def _laid(tiling: Tiling, fitting: _Fitting, doing: Callable[[str], None]) -> _Laid:
@@ -212,22 +212,22 @@ def _laid(tiling: Tiling, fitting: _Fitting, doing: Callable[[str], None]) -> _L
     slopes, limits = _slopes(tiling, limits, (held, told.slopes()), floor)
     jets = vertex_jets(tiling, slopes).with_rows(held, told)
     doing("making the patches")
-    made, dipping = fitting.patches(tiling, layout), np.empty(0, dtype=np.int64)
-    jets, nets = limited_jets(made, layout, jets, limits, border.interval, held)
+    made = fitting.patches(tiling, layout)
+    jets, nets, astray = limited_jets(made, layout, jets, limits, border.interval, held)
     if floor is not None:
         lifting = Lifting(floor, tiling, layout, limits, border.interval)
         jets, nets = lifting.lifted(made, jets, nets)
-        dipping = lifting.dipping(nets)
-    return _Laid(layout, jets, nets, limits.strip, dipping)
+        astray = np.union1d(astray, lifting.dipping(nets))
+    return _Laid(layout, jets, nets, limits.strip, astray)
 
 
 def _finer(tiling: Tiling, contours: ContourMap, fitting: _Fitting, laid: _Laid) -> Tiling:
-    """The tiling with the contour sides of dipping patches halved, and a free vertex in those without one."""
-    sides = laid.layout.side_edges[laid.dipping]
+    """The tiling with the contour sides of patches astray halved, and a free vertex in those without one."""
+    sides = laid.layout.side_edges[laid.astray]
     segments = np.where(sides == COLLAPSED, NO_SEGMENT, tiling.edge_segment[sides])
     chosen = np.zeros(len(tiling.curves.bezier), dtype=bool)
     chosen[segments[segments != NO_SEGMENT]] = True
-    bare = laid.layout.corners[laid.dipping[(segments == NO_SEGMENT).all(axis=1)], :3]
+    bare = laid.layout.corners[laid.astray[(segments == NO_SEGMENT).all(axis=1)], :3]
     free = tiling.points[tiling.curves.n_vertices : len(tiling.points) - len(tiling.spots)]
     free = np.vstack([free, tiling.points[bare].mean(axis=1)])
     frame = fitting.frame(contours)
