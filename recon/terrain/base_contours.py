@@ -1,9 +1,9 @@
 """Contours for a base that cuts the ground: its own at the base's height, and the given ones clear of that.
 
-    contour of the base   exact: where the ground has that height
-    given contour         off the ground by up to the tolerance, so that it may cross the new one; then it gives way to
-                          the curve that the ground has in its place, which cannot, but for the stretches where the two
-                          run side by side, as in a wall: there it has a gap
+contour of the base   exact: where the ground has that height
+given contour         off the ground by up to the tolerance, so that it may cross the new one; then it gives way to
+                      the curve that the ground has in its place, which cannot, but for the stretches where the two
+                      run side by side, as in a wall: there it has a gap
 """
 
 import numpy as np
