@@ -14,7 +14,7 @@ from shapely.ops import substring
 from recon.geometry.contour_map import ContourMap
 from recon.numerics.bernstein import bernstein
 from recon.terrain.contour_curves import ContourCurves
-from recon.terrain.pipeline import Terrain
+from recon.terrain.ground import Terrain
 from recon.terrain.sections import CELLS, contours_at
 
 __all__ = ["contours_with"]

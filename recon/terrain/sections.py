@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from recon.geometry.contour_map import ContourMap
 from recon.geometry.patches import COLLAPSED
-from recon.terrain.pipeline import Terrain
+from recon.terrain.ground import Terrain
 
 __all__ = ["contours_at", "islands_above", "welded_triangles"]
 
