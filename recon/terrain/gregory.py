@@ -37,6 +37,7 @@ FIRST_SPANS = (0.25, 0.1, 0.03, 0.01, 0.003, 0.001, 3e-4, 1e-4, 3e-5, 1e-5)  # t
 UP = np.array([0.0, 0.0, 1.0])
 FOLD_SAMPLES = np.linspace(0.0, 1.0, 15)
 AT_ONCE = 4096  # patches, which bounds the memory
+POINT = 1e-9  # of the side across: a side no longer is a point, but for rounding
 LEAST_AREA = 0.02  # of a plan map's Jacobian, at least so much of its greatest
 WIDENING = 3.0  # of the spans from a corner inward
 
@@ -89,7 +90,8 @@ class GregoryPatches(PatchGroup):
 
     def folded(self) -> Flags:
         """(n,) on a grid of samples: in a narrow steep patch, tangent planes push the inside over the sides."""
-        return _turned_over(self.nets, np.ptp(self.nets.net_s[:, :, 3], axis=1).max(axis=1) == 0.0)
+        top, extent = (np.ptp(net, axis=1).max(axis=1) for net in (self.nets.net_s[:, :, 3], self.nets.net_s[:, :, 0]))
+        return _turned_over(self.nets, top < POINT * extent)
 
     def part(self, kept: Flags, rows: Ints) -> "GregoryPatches":
         return replace(self, rows=rows, nets=self.nets.part(kept), level=self.level[kept], apart=self.apart[kept])

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from recon.errors import BadGeometry
 from recon.geometry.contour_map import ContourMap
 from recon.terrain.border import Border, BorderVertices
 from recon.terrain.clean_lines import ended_on_border, without_specks
@@ -77,6 +78,7 @@ def terrain_surface(
             tiling, local, left_out = tiled(local.with_spots(local.spots[~odd]), fitting)
         notes += left_out
         tiling, laid = _kept_within(tiling, local, fitting, doing)
+    _refuse_folds(tiling, laid, origin)
     rest = local.extent, border.interval, tolerance, laid.strip, contours.crs, notes
     return Terrain(origin, tiling, laid.layout, laid.jets, laid.nets, *rest)
 
@@ -124,6 +126,17 @@ def _kept_within(
             break
         tiling, laid = finer, again
     return tiling, laid
+
+
+def _refuse_folds(tiling: Tiling, laid: _Laid, origin: Floats) -> None:
+    folded = np.concatenate([part.rows[part.folded()] for part in laid.nets])
+    if len(folded):
+        x, y = tiling.points[laid.layout.corners[folded[0]]].mean(axis=0) + origin
+        raise BadGeometry(
+            "contours",
+            f"{len(folded)} Gregory patches fold where the ground is too steep for their width, the first near"
+            f" ({x:.1f}, {y:.1f}): leave --patches gregory away, or give a smaller --tolerance",
+        )
 
 
 def _slopes(
