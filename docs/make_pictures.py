@@ -8,6 +8,7 @@ from pathlib import Path
 
 from make_inputs import write_inputs
 from PIL import Image
+from zebra import draw_zebra
 
 PICTURES = Path(__file__).parent / "pictures"
 WITHOUT_A_CARD = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -32,6 +33,8 @@ def main() -> None:
             shown = ["--picture", f"{method}.png", "--report", f"{method}.html", "--quiet"]
             subprocess.run([*recon, *_with_sherds(words, folder), *shown], check=True, cwd=folder)
             shrink(folder / f"{method}.png", PICTURES / f"{method}.png")
+        draw_zebra(folder / "zebra.png")
+        shrink(folder / "zebra.png", PICTURES / "zebra.png")
         if shutil.which("chromium"):
             photograph(folder / "patch.html", folder / "report.png")
             shrink(folder / "report.png", PICTURES / "report.png")

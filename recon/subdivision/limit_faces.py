@@ -1,6 +1,7 @@
 """Faces of the limit surface of any control mesh, by its scheme."""
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from recon.geometry.control_mesh import ControlMesh
 from recon.subdivision.limit_surface import Scheme
@@ -30,7 +31,11 @@ def limit_faces(mesh: ControlMesh, scheme: Scheme, *, accuracy: float = ACCURACY
     accuracy  how far faces around irregular vertices may stay from the surface, in mean edges of the control mesh; met
               as far as three more refinements go, and in Doo-Sabin's scheme without any
     """
-    allowed = accuracy * mean_edge(mesh)
+    with threadpool_limits(limits=1, user_api="blas"):  # thousands of small systems: threads would only wait
+        return _faces_by_scheme(mesh, scheme, accuracy * mean_edge(mesh))
+
+
+def _faces_by_scheme(mesh: ControlMesh, scheme: Scheme, allowed: float) -> LimitFaces:
     if scheme == Scheme.LOOP:
         return loop_faces(mesh, allowed=allowed)
     if scheme == Scheme.DOO_SABIN:

@@ -26,10 +26,13 @@ def dense(mesh, scheme):
 
 
 def samples(patch, n=7):
-    """Points of a patch between its knots."""
+    """Points of a patch between its knots: n a unit span both ways, or some less of a large one."""
     (u0, u1), (v0, v1) = patch.domain
-    shares = (np.arange(n) + 0.5) / n
-    u, v = (x.ravel() for x in np.meshgrid(u0 + shares * (u1 - u0), v0 + shares * (v1 - v0)))
+    at = [
+        start + (end - start) * (np.arange(m := min(round(n * (end - start)), 60)) + 0.5) / m
+        for start, end in ((u0, u1), (v0, v1))
+    ]
+    u, v = (x.ravel() for x in np.meshgrid(*at))
     return patch.point(np.column_stack([u, v]))
 
 
