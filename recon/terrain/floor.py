@@ -66,9 +66,9 @@ class Floor:
         return bool(((limits.low < self.height) & (limits.high > self.height)).any())
 
     def cleared(self, limits: Levels) -> Levels:
-        """The limits for free vertices: those above the base keep farther from it than from other contours."""
-        between, room = limits.cleared(), CLEAR * (limits.high - limits.low)
-        return replace(between, low=np.where(limits.low == self.height, limits.low + room, between.low))
+        """The limits for free vertices: those above the base keep clear of it."""
+        room = np.where(limits.low == self.height, CLEAR * (limits.high - limits.low), 0.0)
+        return replace(limits, low=limits.low + room)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ A strip is a connected part of the tiling that crosses no contour. Between two c
 between these; inside a ring, or beside a single contour, the ground goes on rising or falling as it did across it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,6 @@ __all__ = ["Levels", "levels"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-CLEAR = 0.005  # of a strip's own height: how far from its contours its free vertices lie at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +34,6 @@ class Levels:
     high: Floats
     ended: NDArray[np.bool_]
     uphill: Floats
-
-    def cleared(self) -> "Levels":
-        """The limits for free vertices between contours: held at one of these they would make a plateau of it."""
-        room = np.where(self.ended, 0.0, CLEAR) * (self.high - self.low)
-        return replace(self, low=self.low + room, high=self.high - room)
 
 
 def levels(tiling: Tiling, interval: float, bands: tuple[Ints, Floats, Floats] | None = None) -> Levels:

@@ -145,7 +145,7 @@ def _slopes(
     """Slopes at all vertices, and the limits of height, of which none spans a floor."""
     normals = contour_frames(tiling.curves)[1]
     if floor is None:
-        return vertex_slopes(tiling, normals, limits.cleared(), told), limits
+        return vertex_slopes(tiling, normals, limits, told), limits
     limits = floor.settled(limits, tiling)
     slopes = vertex_slopes(tiling, normals, floor.cleared(limits), told)
     if floor.cut_through(limits):
