@@ -5,7 +5,8 @@ python benchmarks/robustness.py views voxels        these methods
 python benchmarks/robustness.py fit --first 40 --n 10
 
 patch     sherds of vessels, see hole_patch_robustness.py; their sizes are those of vessels
-fit       balls, tori, tubes and sheets with waves: 700 to 2,000 points, noise, up to three holes, any pose
+fit       balls, tori, tubes and sheets with waves: 700 to 2,000 points, noise, up to three holes, any pose; as
+          `recon fit` makes solids and shells of them
 terrain   fractal grounds and their contours: 24 to 40 cells wide, smooth to rough, noise, voids, far from the origin
 voxels    blocks, balls and cylinders in any pose, joined and cut: 12 to 24 voxels wide, wrong voxels at the surface,
           single empty ones inside
@@ -40,10 +41,12 @@ from scipy.spatial.transform import Rotation
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import hole_patch_robustness
+from brep_export.app.fit_job import CLOSE_CAPS
 from brep_export.app.limit_shape import limit_shape
 from brep_export.app.terrain_job import TOLERANCE, lowest_place
 from brep_export.app.views_job import SLACK
-from brep_export.app.voxel_bodies import FIT, FLAT, faceted_body
+from brep_export.app.voxel_bodies import faceted_body
+from brep_export.app.voxel_proof import FIT, FLAT
 from brep_export.app.workshop import Bench
 from brep_export.blocks import block_solid
 from brep_export.check import CheckReport, check
@@ -54,7 +57,7 @@ from geometric_fit import bumpy_ball
 from hole_patch_robustness import Verdict
 from recon.errors import ReconError
 from recon.geometric_fit.options import FitOptions
-from recon.geometric_fit.pipeline import fit_surface
+from recon.geometric_fit.row_fit import fit_rows
 from recon.geometry.contour_map import HeightGrid
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.polyhedron import Polyhedron
@@ -62,7 +65,7 @@ from recon.geometry.views import DrawnView, ThreeViews
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.numerics.distance import closest_points
 from recon.readers.view_sheet import Strokes, separate_views
-from recon.subdivision.limit_surface import tessellate
+from recon.subdivision.limit_surface import Scheme, tessellate
 from recon.terrain.contouring import contour_grid
 from recon.terrain.evaluation import edge_angles, elevations
 from recon.terrain.network import terrain_network
@@ -198,8 +201,8 @@ def chance_grid(rng: Rng) -> VoxelGrid:
 
 def fit_trial(rng: Rng) -> Outcome:
     clean, scan, noise = chance_scan(rng)
-    fitted = fit_surface(scan, FitOptions(control_points=max(60, scan.n_vertices // int(rng.integers(15, 40)))))
-    made_shape = limit_shape(fitted.mesh, fitted.scheme, 0.1, quiet_bench())
+    fitted = fit_rows(scan, FitOptions(scheme=Scheme.CATMULL_CLARK))
+    made_shape = limit_shape(fitted.mesh, fitted.scheme, 0.1, quiet_bench(), accuracy=CLOSE_CAPS)
     report = check(made_shape.shape, made_shape.tolerance, expect=made_shape.kind)
     drawn = tessellate(fitted.mesh, scheme=fitted.scheme, halvings=2)
     off = closest_points(clean, drawn.vertices, drawn.face_vertices).distances

@@ -4,14 +4,18 @@ Everything is written under a hidden name beside its place, looked at, and renam
 stood there before stays until then, and stays for good when anything fails.
 """
 
+import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from os import W_OK, access, getpid
 from pathlib import Path
+from time import time
 
 from recon.errors import NotWritten
 
 __all__ = ["staged"]
+
+A_DAY = 86_400.0  # seconds: on a shared disk the process may be one of another machine
 
 
 @contextmanager
@@ -27,6 +31,8 @@ def staged(*paths: str | Path, announce: Callable[[Path], None] = lambda path: N
     for target in targets:
         _require_place(target)
     temporary = tuple(t.with_name(f".{t.stem}.{getpid()}.{i}{t.suffix}") for i, t in enumerate(targets))
+    for target in targets:
+        _clear_away_what_killed_runs_left(target)
     for path in temporary:
         announce(path)
     try:
@@ -45,6 +51,20 @@ def staged(*paths: str | Path, announce: Callable[[Path], None] = lambda path: N
     finally:
         for written in temporary:
             written.unlink(missing_ok=True)
+
+
+def _clear_away_what_killed_runs_left(target: Path) -> None:
+    """Remove temporary files of this target that are older than a day, and whose process is gone."""
+    pattern = rf"\.{re.escape(target.stem)}\.(\d+)\.(\d+|advance){re.escape(target.suffix)}"
+    for path in target.parent.iterdir():
+        name = re.fullmatch(pattern, path.name)
+        if name is None:
+            continue
+        from psutil import pid_exists  # seldom needed, and slow to begin with
+
+        with suppress(OSError):  # gone meanwhile, or not ours to remove
+            if time() - path.stat().st_mtime > A_DAY and not pid_exists(int(name[1])):
+                path.unlink()
 
 
 def _require_place(target: Path) -> None:

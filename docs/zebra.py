@@ -29,7 +29,8 @@ def cubes() -> ControlMesh:
     solid[0] = CUBES
     solid[(1, *np.array(TOWERS).T)] = solid[0][tuple(np.array(TOWERS).T)]
     padded = np.pad(solid, 1)
-    corners, quads = {}, []
+    corners: dict[tuple[int, ...], int] = {}
+    quads: list[list[tuple[int, ...]]] = []
     for axis in range(3):
         along = np.eye(3, dtype=int)[[axis, (axis + 1) % 3, (axis + 2) % 3]]
         for cell in np.argwhere(padded & ~np.roll(padded, -1, axis)):

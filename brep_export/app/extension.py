@@ -125,6 +125,7 @@ def voxels(
     volume: File | VoxelGrid | NDArray[Any],
     options: "VoxelOptions | None" = None,
     *,
+    smooth: bool = False,
     analytic: bool = False,
     snap: float | None = None,
     spacing: ArrayLike = 1.0,
@@ -132,17 +133,21 @@ def voxels(
     """The boundary of the solid voxels as a solid.
 
     volume    a file of a binary volume, a grid, or an array (X, Y, Z) whose voxels are solid where it is not zero
+    smooth    triangles without terraces, edges sharp
     analytic  planes, cylinders, cones, spheres and rounded edges as true faces, where the part has them
     snap      with analytic: take the roundest multiples of this length that the voxels leave open
     spacing   of the voxels of an array: one length, or three
     Raises    ReconError, GateFailed.
     """
-    from brep_export.app.voxel_bodies import FIT, FLAT, analytic_body, faceted_body
+    from brep_export.app.voxel_bodies import analytic_body, faceted_body, smooth_body
+    from brep_export.app.voxel_proof import FIT, FLAT
     from recon.voxel_mesh.pipeline import VoxelOptions
 
     grid, chosen = _grid(volume, spacing), options or VoxelOptions()
     if analytic:
         body = analytic_body(grid, chosen, snap=snap, bench=_bench())
+    elif smooth:
+        body = smooth_body(grid, chosen, bench=_bench())
     else:
         body = faceted_body(grid, chosen, bench=_bench())
     return _proved(body.shape, Tolerance(merge=FLAT * grid.voxel, fit=FIT * grid.voxel), ShapeKind.SOLID)

@@ -19,6 +19,7 @@ NOTES = (
     "dropped",
     "not-merged",
     "flat-facets",
+    "mixed-faces",
     "axes-not-snapped",
     "not-snapped",
     "left-sharp",

@@ -1,6 +1,6 @@
 """One binary grid to one kernel shape, with flat facets or with true faces, and the figures that go with it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,40 +8,40 @@ from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.analytic import analytic_solid, face_kinds
+from brep_export.app.listed_surfaces import free_regions, listed_blends, listed_surfaces
+from brep_export.app.mixed_shape import mixed_shape
+from brep_export.app.voxel_proof import DEEPEST, FLAT, held_against, proved
 from brep_export.app.workshop import Bench
-from brep_export.check import ShapeKind, check
 from brep_export.solids import polyhedron_solid
 from brep_export.triangulation import triangulate
 from brep_export.turned import turned_solid
 from recon.errors import NoSolid, NotManifold
-from recon.geometry.analytic import Cylinder, Plane, Sphere
 from recon.geometry.mesh import TriangleMesh
-from recon.geometry.polyhedron import PlanarFace, Polyhedron, merge_coplanar, mesh_bodies
+from recon.geometry.polyhedron import Polyhedron, merge_coplanar, triangle_polyhedron
 from recon.geometry.turned import ProfileLine, TurnedPart
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.numerics.distance import closest_points, sample_surface
-from recon.tolerance import Tolerance
-from recon.voxel_mesh.analytic_part import AnalyticPart, analytic_part
+from recon.voxel_mesh.analytic_part import AnalyticPart, analytic_part, free_part
 from recon.voxel_mesh.marching_cubes import marching_cubes
+from recon.voxel_mesh.mixed_part import MixedPart
 from recon.voxel_mesh.pipeline import VoxelOptions, voxel_boundary
 from recon.voxel_mesh.revoxelise import WrongSide, turned_wrong_side, wrong_side
 from recon.voxel_mesh.topology import grid_topology
 from recon.voxel_mesh.turned import turned_part
 
-__all__ = ["DEFLECTION", "FIT", "FLAT", "VoxelBody", "analytic_body", "faceted_body"]
+__all__ = ["VoxelBody", "analytic_body", "faceted_body", "smooth_body"]
 
 Floats = NDArray[np.float64]
 
-FLAT = 1e-3  # voxels: triangles this near to one plane become one face
-FIT = 0.05  # voxels: how far edges may lie from their faces
-DEFLECTION = 0.01  # voxels: of the triangles that are compared with the grid
+SMOOTHED = 0.1  # voxels that triangles may lie off the smoothed surface, with the usual tolerance of 0.5
+FACETED = 0.05  # voxels that triangles may lie off true faces
 TURNED_DEFLECTION = 0.03  # voxels: the same for turned splines, which take ten times as many triangles
-DEEPEST = 0.5  # voxels: a centre farther on the wrong side than this is a feature that was missed
 SAME = 0.03  # voxels: a grid made from triangles has its own centres on the wrong side of round faces by this much
 FEW = (
     0.005  # of the steps from voxel to voxel across the surface may have such centres; a whole face of them is too much
 )
 PROBES = 20_000
+OF_TRUE_FACES = frozenset({"mixed-faces", "left-sharp", "wrong-side"})  # notes that say nothing of triangles
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,28 +74,69 @@ def _polyhedron(mesh: TriangleMesh, tolerance: float, bench: Bench) -> Polyhedro
         return merge_coplanar(mesh, tolerance)
     except NotManifold as problem:
         bench.note(f"coplanar triangles were not merged ({problem})", name="not-merged")
-        faces = tuple(PlanarFace((a, b, c)) for a, b, c in mesh.face_vertices.tolist())
-        bodies = tuple(tuple(tuple(shell.tolist()) for shell in body) for body in mesh_bodies(mesh))
-        return Polyhedron(mesh.vertices, faces, bodies)
+        return triangle_polyhedron(mesh)
 
 
 def analytic_body(grid: VoxelGrid, options: VoxelOptions, *, snap: float | None, bench: Bench) -> VoxelBody:
-    """True faces where the part has them; the faceted body, with a note, where they make no solid like the grid."""
+    """True faces where the part has them, and, with a note, triangles of the smoothed surface where it has none; with
+    another note the faceted body, where even these make no solid like the grid.
+    """
+    turned = _turned_shape(grid, bench)
+    if turned is not None and turned.is_curved:
+        return _turned_body(grid, turned, snap, bench)
+    mixed: MixedPart | None = None
     try:
-        turned = _turned_shape(grid, bench)
-        if turned is not None and turned.is_curved:
-            return _turned_body(grid, turned, snap, bench)
         with bench.phase("reconstruct", "recognising surfaces"):
             part = analytic_part(grid, doing=bench.doing)
+            mixed = part.mixed
         with bench.phase("brep", "building the solid"):
             built = _snapped(part, snap, bench) or _built(part)
         return _analytic(grid, built, bench)
     except NoSolid as problem:
-        bench.note(f"no solid with true faces: {problem} It is made of flat facets instead.", name="flat-facets")
+        why = f"no solid of true faces alone: {problem}"
+    try:
+        return _mixed_body(mixed or free_part(grid), options, why, bench)
+    except NoSolid as problem:
+        bench.note(f"{why} Nor of true faces and triangles: {problem} It has flat facets instead.", name="flat-facets")
         body = faceted_body(grid, options, bench=bench)
         kinds = {"planes": 0, "cylinders": 0, "cones": 0, "spheres": 0, "tori": 0}
         figures = body.figures | {"analytic": kinds | {"fallback_faces": body.figures["faces"]}}
         return VoxelBody(body.shape, body.errors, figures, body.polyhedron)
+
+
+def _mixed_body(part: MixedPart, options: VoxelOptions, why: str, bench: Bench) -> VoxelBody:
+    """True faces where the voxels bear them out, triangles of the smoothed surface elsewhere."""
+    made = mixed_shape(part, _smoothed(options), bench)
+    kinds = made.kinds()
+    n_true = sum(kinds.values()) - kinds["fallback_faces"]
+    bench.note(
+        f"{why} {n_true} faces are true ones, {kinds['fallback_faces']} are triangles where none was recognised.",
+        name="mixed-faces",
+    )
+    rows = listed_surfaces(made.boundary.surfaces, made.intervals()) + free_regions(made.boundary)
+    body = _true_faces(part.grid, made.shape, made.mesh, made.wrong, rows, bench)
+    return VoxelBody(body.shape, body.errors, body.figures | {"analytic": kinds}, made.polyhedron)
+
+
+def _smoothed(options: VoxelOptions) -> float:
+    """Voxels that triangles may lie off the smoothed surface."""
+    return SMOOTHED if options.tolerance is None else SMOOTHED * options.tolerance / 0.5
+
+
+def smooth_body(grid: VoxelGrid, options: VoxelOptions, *, bench: Bench) -> VoxelBody:
+    """Planar faces on the surface without terraces: on the part's own surfaces where they are recognised."""
+    inner = replace(bench, notes=[], silenced=bench.silenced | OF_TRUE_FACES)
+    body = analytic_body(grid, options, snap=None, bench=inner)
+    if "surfaces" not in body.figures:  # the terraces are still there, and the notes say why
+        bench.notes += inner.notes
+    if body.polyhedron is None:
+        with bench.phase("brep", "dividing the faces into triangles"):
+            mesh = triangulate(body.shape, FACETED * grid.voxel).mesh
+            polyhedron = triangle_polyhedron(mesh)
+            shape = polyhedron_solid(polyhedron)
+        body = _true_faces(grid, shape, mesh, wrong_side(grid, mesh), [], bench)
+        body = VoxelBody(shape, body.errors, body.figures | {"faces": mesh.n_faces}, polyhedron)
+    return VoxelBody(body.shape, body.errors, body.figures | {"analytic": None, "surfaces": None}, body.polyhedron)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +161,7 @@ def _turned_shape(grid: VoxelGrid, bench: Bench) -> _Turned | None:
             part = turned_part(grid, doing=bench.doing)
         with bench.phase("brep", "turning the profile"):
             shape = turned_solid(part)
-            _proved(shape, grid.voxel)
+            proved(shape, grid.voxel)
             mesh = triangulate(shape, TURNED_DEFLECTION * grid.voxel).mesh
             wrong = turned_wrong_side(grid, part)
     except NoSolid:
@@ -137,12 +178,6 @@ def _turned_body(grid: VoxelGrid, turned: _Turned, snap: float | None, bench: Be
     return _true_faces(grid, turned.shape, turned.mesh, turned.wrong, rows, bench)
 
 
-def _proved(shape: TopoDS_Shape, voxel: float) -> None:
-    report = check(shape, Tolerance(merge=1e-3 * voxel, fit=FIT * voxel), expect=ShapeKind.SOLID)
-    if not report.passed:
-        raise NoSolid(f"the surfaces that were recognised make no sound solid ({report.defects[0]})")
-
-
 Built = tuple[AnalyticPart, TopoDS_Shape, TriangleMesh, WrongSide, int]
 
 
@@ -153,14 +188,8 @@ def _built(part: AnalyticPart) -> Built:
     """
     voxel = part.grid.voxel
     shape, refused = analytic_solid(part.surfaces, part.blends, box=part.box, voxel=voxel, is_solid=part.vote())
-    _proved(shape, voxel)
-    mesh = triangulate(shape, DEFLECTION * voxel).mesh
-    wrong = wrong_side(part.grid, mesh)
-    if wrong.deepest > DEEPEST:
-        raise NoSolid(
-            f"the surfaces that were recognised miss something: {wrong.centres} voxel centres lie on the wrong side,"
-            f" one {wrong.deepest:.1f} voxels deep"
-        )
+    proved(shape, voxel)
+    mesh, wrong = held_against(part.grid, shape)
     return part, shape, mesh, wrong, len(refused)
 
 
@@ -197,7 +226,9 @@ def _analytic(grid: VoxelGrid, built: Built, bench: Bench) -> VoxelBody:
     part, shape, mesh, wrong, refused = built
     if refused:
         bench.note(f"{refused} rounded edges were left sharp: the kernel could not round them", name="left-sharp")
-    return _true_faces(grid, shape, mesh, wrong, _listed(part), bench)
+    return _true_faces(
+        grid, shape, mesh, wrong, listed_surfaces(part.surfaces, part.intervals) + listed_blends(part.blends), bench
+    )
 
 
 def _true_faces(
@@ -230,23 +261,3 @@ def _true_faces(
         "surfaces": rows,
     }
     return VoxelBody(shape, errors, figures)
-
-
-def _listed(part: AnalyticPart) -> list[dict[str, Any]]:
-    """Every surface with its size, and the interval that the grid leaves open."""
-    rows: list[dict[str, Any]] = []
-    for surface, (low, high) in zip(part.surfaces, part.intervals):
-        if isinstance(surface, Plane):
-            row = {"kind": "plane", "normal": surface.normal_vector.tolist(), "offset": surface.offset}
-            value = surface.offset
-        elif isinstance(surface, Cylinder):
-            row = {"kind": "cylinder", "axis": surface.axis.tolist(), "point": surface.point.tolist()}
-            row["radius"] = value = surface.radius
-        elif isinstance(surface, Sphere):
-            row = {"kind": "sphere", "centre": surface.centre.tolist(), "radius": surface.radius}
-            value = surface.radius
-        else:
-            row, value = {"kind": "cone"} | {k: np.asarray(v).tolist() for k, v in vars(surface).items()}, 0.0
-        rows.append(row | {"interval": [value + low, value + high]})
-    rows += [{"kind": "blend", "radius": b.radius, "between": [b.first, b.second]} for b in part.blends]
-    return rows

@@ -12,7 +12,8 @@ from OCP.TopoDS import TopoDS_Compound, TopoDS_Shape
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.result import result, statistics
 from brep_export.app.scene import Measured, mesh_part
-from brep_export.app.voxel_bodies import DEFLECTION, FIT, FLAT, VoxelBody, analytic_body, faceted_body
+from brep_export.app.voxel_bodies import VoxelBody, analytic_body, faceted_body, smooth_body
+from brep_export.app.voxel_proof import DEFLECTION, FIT, FLAT
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.faces import BUILDER
@@ -46,8 +47,12 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
         grids = [_cleaned(grid, request, bench) for grid in _grids(volume, request)]
     if request["snap"] is not None and not request["analytic"]:
         raise BadOption("--snap", "is for true faces; ask for them with --analytic")
+    if request["smooth"] and (request["faces"] or request["reduction"] is not None or request["fast"]):
+        raise BadOption("--smooth", "stops at its own --tolerance; leave --faces, --reduction and --fast out")
     if request["analytic"]:
         solids = [analytic_body(grid, options, snap=request["snap"], bench=bench) for grid in grids]
+    elif request["smooth"]:
+        solids = [smooth_body(grid, options, bench=bench) for grid in grids]
     else:
         solids = [faceted_body(grid, options, bench=bench) for grid in grids]
     tolerance = Tolerance(merge=FLAT * grids[0].voxel, fit=FIT * grids[0].voxel)

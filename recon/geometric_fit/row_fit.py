@@ -1,6 +1,6 @@
 """The fit that makes the best solid: quadrilaterals in rows, few of their vertices irregular.
 
-    coarse rows of quads  ->  wrapped over the scan  ->  each in four, wrapped again  ->  fit  ->  rows halved  ->  fit
+    coarse rows of quads  ->  wrapped over the scan, tips and all  ->  each in four  ->  fit  ->  rows halved  ->  fit
 
 A solid has a few faces for every irregular vertex, and its other faces may be as large as the rows run. A coarse mesh
 has few irregular vertices, and neither cutting every quad in four nor cutting whole rows makes more. So the control
@@ -22,19 +22,26 @@ from recon.geometric_fit.options import FitOptions, FittedSurface
 from recon.geometric_fit.pipeline import fit_surface
 from recon.geometric_fit.quad_remesh import remeshed_quads
 from recon.geometric_fit.quad_splits import split_rows
+from recon.geometric_fit.tips import covered_tips
 from recon.geometric_fit.wrapping import wrapped
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
+from recon.numerics.distance import TriangleTree
 from recon.subdivision.limit_surface import Scheme, limit_patches
 from recon.subdivision.polygons import split_polygons
 
 __all__ = ["fit_rows"]
 
-SHARE, MOST = 3, 16_000  # control points where nobody asks: a third of the scan's, but no more
-COARSE, MOST_COARSE = 20, 1_800  # quads to begin with: a twentieth of the scan's points, but no more
+SHARE, MOST = 3, 30_000  # control points where nobody asks: a third of the scan's, more where it is rich in detail
+COARSE, MOST_COARSE = 20, 6_500  # quads to begin with: a twentieth of the scan's points, but no more
+FINEST = 6  # points of the scan a quad, at the least
+CLOSE = 6.5e-4  # of the diagonal: how near the coarse mesh is to come to the scan where nobody asks for a number
+DENSIFYING, FASTER = 1.5, (1.3, 4.0)  # quads grow with that power of what it is too far off, so much at a time
+SPARE = 1.15  # times the control points of the coarse mesh cut in four, of which the last go where the error is
 FEWEST = 50  # quads; a mesh for fewer control points than four times that begins with all of them
 PASSES = (20, 10)  # of wrapping, before the quads are cut in four and after
-DOUBLINGS, DENSER = 4, 1.3  # attempts, and times more quads where a coarse mesh comes out torn
+ATTEMPTS, DENSER = 5, 1.3  # at a coarse mesh, and times more quads where it comes out torn
+TRIMMINGS = 4  # of the number of quads, where they are more than asked for
 
 
 def fit_rows(
@@ -45,21 +52,27 @@ def fit_rows(
     Raises  as `fit_surface`; NoControlMesh.
     """
     whole, _ = close_holes(scan) if options.close else (scan, 0)
-    count = options.control_points or min(max(scan.n_vertices // SHARE, 200), MOST)
-    for _ in range(DOUBLINGS):
-        fitted = _fit(scan, whole, replace(options, control_points=count), doing)
-        reached = options.tolerance is None or float(fitted.distances.max()) <= options.tolerance
-        if reached or options.control_points is not None or 2 * count > scan.n_vertices:
-            break
+    if options.control_points is not None:
+        return _fit(scan, whole, _laid_over(whole, options.control_points, doing), options, doing)
+    mesh = _detailed(whole, doing)
+    count = min(max(scan.n_vertices // SHARE, round(SPARE * mesh.n_vertices)), MOST)
+    fitted = _fit(scan, whole, mesh, replace(options, control_points=count), doing)
+    while not _is_near(fitted, options) and 2 * count <= scan.n_vertices:
         count *= 2
+        asked = replace(options, control_points=count)
+        fitted = _fit(scan, whole, _laid_over(whole, count, doing), asked, doing)
     return fitted
 
 
-def _fit(scan: TriangleMesh, whole: TriangleMesh, options: FitOptions, doing: Callable[[str], None]) -> FittedSurface:
-    count = options.control_points or 0
-    mesh = _laid_over(whole, count, doing)
+def _is_near(fitted: FittedSurface, options: FitOptions) -> bool:
+    return options.tolerance is None or float(fitted.distances.max()) <= options.tolerance
+
+
+def _fit(
+    scan: TriangleMesh, whole: TriangleMesh, mesh: ControlMesh, options: FitOptions, doing: Callable[[str], None]
+) -> FittedSurface:
     first = fit_surface(scan, _from(options, mesh), doing=doing)
-    grown = split_rows(first.mesh, _squares(whole, first.mesh), count - first.mesh.n_vertices)
+    grown = split_rows(first.mesh, _squares(whole, first.mesh), (options.control_points or 0) - first.mesh.n_vertices)
     if grown.n_vertices == first.mesh.n_vertices:
         return first
     second = fit_surface(scan, _from(options, grown), doing=doing)
@@ -71,6 +84,23 @@ def _from(options: FitOptions, mesh: ControlMesh) -> FitOptions:
     return replace(options, start=mesh, plain=True, control_points=mesh.n_vertices)
 
 
+def _detailed(scan: TriangleMesh, doing: Callable[[str], None]) -> ControlMesh:
+    """As many quads in rows over the scan as its detail asks for.
+
+    Raises  NoControlMesh when the rows come out torn, however many there are.
+    """
+    most = min(max(scan.n_vertices // FINEST, FEWEST), MOST_COARSE)
+    n_quads = min(max(scan.n_vertices // COARSE, FEWEST), most)
+    diagonal = float(np.linalg.norm(np.ptp(scan.vertices, axis=0)))
+    while True:
+        mesh = _over_tips(_rows(scan, n_quads, doing), scan)
+        off = _rms_distance(scan, mesh) / (CLOSE * diagonal)
+        if off <= 1.0 or n_quads >= most:
+            break
+        n_quads = min(int(n_quads * np.clip(off**DENSIFYING, *FASTER)), most)
+    return wrapped(split_polygons(mesh), scan, PASSES[1])
+
+
 def _laid_over(scan: TriangleMesh, count: int, doing: Callable[[str], None]) -> ControlMesh:
     """At most `count` control points in rows over the scan, a fourth of them to begin with.
 
@@ -78,21 +108,34 @@ def _laid_over(scan: TriangleMesh, count: int, doing: Callable[[str], None]) -> 
     """
     cut = count >= 4 * FEWEST
     n_quads = min(count // 4, max(scan.n_vertices // COARSE, FEWEST), MOST_COARSE) if cut else count
-    for last in (False,) * DOUBLINGS + (True,):
-        doing(f"laying about {n_quads} quadrilaterals over the scan")
-        try:
-            mesh = remeshed_quads(scan, n_quads)
-        except NoControlMesh:
-            if last:
-                raise
-            n_quads = int(DENSER * n_quads)
-            continue
+    for _ in range(TRIMMINGS):
+        mesh = _rows(scan, n_quads, doing)
         n_points = mesh.n_vertices + 3 * mesh.n_faces if cut else mesh.n_vertices
         if n_points <= count:
             break
         n_quads = int(0.95 * n_quads * count / n_points)
-    mesh = wrapped(mesh, scan, PASSES[0])
+    mesh = _over_tips(mesh, scan) if cut else wrapped(mesh, scan, PASSES[0])
     return wrapped(split_polygons(mesh), scan, PASSES[1]) if cut else mesh
+
+
+def _over_tips(mesh: ControlMesh, scan: TriangleMesh) -> ControlMesh:
+    return covered_tips(wrapped(mesh, scan, PASSES[0]), scan)
+
+
+def _rows(scan: TriangleMesh, n_quads: int, doing: Callable[[str], None]) -> ControlMesh:
+    """About so many quads, or more where they come out torn; raises as `remeshed_quads`."""
+    for _ in range(ATTEMPTS - 1):
+        doing(f"laying about {n_quads} quadrilaterals over the scan")
+        try:
+            return remeshed_quads(scan, n_quads)
+        except NoControlMesh:
+            n_quads = int(DENSER * n_quads)
+    return remeshed_quads(scan, n_quads)
+
+
+def _rms_distance(scan: TriangleMesh, mesh: ControlMesh) -> float:
+    tree = TriangleTree(mesh.vertices, mesh.triangle_mesh().face_vertices)
+    return float(np.sqrt(np.mean(tree.closest(scan.vertices[np.unique(scan.face_vertices)]).distances ** 2)))
 
 
 def _squares(scan: TriangleMesh, mesh: ControlMesh) -> NDArray[np.float64]:

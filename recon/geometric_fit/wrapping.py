@@ -34,9 +34,10 @@ FARTHEST = 10.0  # medians of the distance from where on a point pulls no harder
 def wrapped(mesh: ControlMesh, scan: TriangleMesh, passes: int) -> ControlMesh:
     """The control mesh with its points where its faces lie near the scan, tips and all."""
     means, triangles, x = neighbour_means(mesh), mesh.triangle_mesh().face_vertices, mesh.vertices
-    data = scan.vertices[np.unique(scan.face_vertices)]
+    used = np.unique(scan.face_vertices)
+    data = scan.vertices[used], vertex_normals(scan.vertices, scan.face_vertices)[used]
     for _ in range(passes):
-        x = _pulled(x, triangles, data)
+        x = _pulled(x, triangles, *data)
         normals = vertex_normals(x, triangles)
         slide = means @ x - x
         slide -= np.einsum("vi,vi->v", slide, normals)[:, None] * normals
@@ -44,12 +45,14 @@ def wrapped(mesh: ControlMesh, scan: TriangleMesh, passes: int) -> ControlMesh:
     return mesh.with_vertices(x)
 
 
-def _pulled(x: Floats, triangles: NDArray[np.int64], data: Floats) -> Floats:
-    found = TriangleTree(x, triangles).closest(data)
+def _pulled(x: Floats, triangles: NDArray[np.int64], points: Floats, facing: Floats) -> Floats:
+    found = TriangleTree(x, triangles).closest(points)
     corners = triangles[found.faces]
-    harder = 1.0 + np.minimum(found.distances / max(float(np.median(found.distances)), 1e-300), FARTHEST)
+    a, b, c = (x[corners[:, i]] for i in range(3))
+    alike = np.einsum("ni,ni->n", np.cross(b - a, c - a), facing) > 0.0
+    harder = alike + np.minimum(found.distances / max(float(np.median(found.distances)), 1e-300), FARTHEST) * alike
     shares = barycentric(found.points, x[corners]) * harder[:, None]
-    errors = data - found.points
+    errors = points - found.points
     total = np.bincount(corners.ravel(), shares.ravel(), len(x))[:, None]
     moves = added_at((shares[:, :, None] * errors[:, None]).reshape(-1, 3), corners.ravel(), len(x))
     return x + np.divide(moves, total, out=np.zeros_like(moves), where=total > 1e-9)

@@ -83,6 +83,16 @@ def mesh_bodies(mesh: TriangleMesh) -> list[tuple[Ints, ...]]:
     return [tuple(np.flatnonzero(shell == s) for s in body) for body in nested_shells(mesh.corners(), shell, mesh.name)]
 
 
+def triangle_polyhedron(mesh: TriangleMesh) -> Polyhedron:
+    """A closed triangle mesh as a polyhedron with one face a triangle.
+
+    Raises  NotManifold as `mesh_bodies` does.
+    """
+    faces = tuple(PlanarFace((a, b, c)) for a, b, c in mesh.face_vertices.tolist())
+    bodies = tuple(tuple(tuple(shell.tolist()) for shell in body) for body in mesh_bodies(mesh))
+    return Polyhedron(mesh.vertices, faces, bodies)
+
+
 def merge_coplanar(mesh: TriangleMesh, tolerance: float) -> Polyhedron:
     """A closed triangle mesh as a polyhedron: coplanar triangles become one face, vertices on straight edges go.
 

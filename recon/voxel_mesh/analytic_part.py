@@ -10,17 +10,20 @@ from recon.errors import NoSolid
 from recon.geometry.analytic import AnalyticSurface, Blend
 from recon.geometry.voxel_grid import VoxelGrid
 from recon.voxel_mesh.marching_cubes import GridSurface, marching_cubes
+from recon.voxel_mesh.mixed_part import MixedPart
 from recon.voxel_mesh.open_intervals import NEAR, open_interval, open_radius, roundest, snapped_surface
 from recon.voxel_mesh.recognition import recognised
 from recon.voxel_mesh.regions import analytic_regions, smooth_surface
 from recon.voxel_mesh.settled_surfaces import Ends, settled_faces
+from recon.voxel_mesh.sheets import borne_out_sheets
 from recon.voxel_mesh.terraces import without_terraces
 from recon.voxel_mesh.voting import Vote
 
-__all__ = ["AnalyticPart", "analytic_part"]
+__all__ = ["AnalyticPart", "analytic_part", "free_part"]
 
 Floats = NDArray[np.float64]
 ROOM = 3  # voxels around the part
+MOST = 60  # surfaces: settled together, and cut with each other, they take the square of that
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +33,7 @@ class AnalyticPart:
     intervals  for each surface, how far it may move along its normal without a voxel centre changing sides
     ends       for each blend, the solid and the empty ends (n, 3) of the grid edges of its vertices
     box        lowest and highest corner of the part, with room around
+    mixed      the same surface for a solid of true faces and triangles
     """
 
     grid: VoxelGrid
@@ -38,6 +42,7 @@ class AnalyticPart:
     intervals: tuple[tuple[float, float], ...]
     ends: tuple[tuple[Floats, Floats], ...]
     box: tuple[Floats, Floats]
+    mixed: MixedPart
 
     def vote(self) -> Vote:
         """Who says which cells between the surfaces are solid."""
@@ -64,18 +69,21 @@ class AnalyticPart:
 def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text: None) -> AnalyticPart:
     """Surfaces of the part that a grid shows.
 
-    Raises  NoSolid when nothing on the grid's surface is plane, cylinder, sphere or cone.
+    Raises  NoSolid when nothing on the grid's surface is plane, cylinder, sphere or cone, or too much of it.
     """
     surface = marching_cubes(grid)
     doing("taking the terraces off")
-    smooth = smooth_surface(surface, without_terraces(surface, grid.proportions))
+    slid = without_terraces(surface, grid.proportions)
+    smooth = smooth_surface(surface, slid)
     doing("recognising surfaces")
     regions, _ = analytic_regions(smooth)
     if not regions:
         raise NoSolid(f"nothing on {grid.name} is a plane, a cylinder, a sphere or a cone")
+    ends, faces = Ends(*_ends(surface, grid), smooth.normal), recognised(smooth, regions)
+    if len(faces.surfaces) > MOST:
+        raise NoSolid(f"{len(faces.surfaces)} surfaces were found on {grid.name}, more than the {MOST} a part may have")
     doing("settling the surfaces between the voxels")
-    ends = Ends(*_ends(surface, grid), smooth.normal)
-    found = settled_faces(recognised(smooth, regions), ends, smooth.middle)
+    found = settled_faces(faces, ends, smooth.middle)
     place = (grid.direction, grid.voxel, grid.origin)
     intervals = [open_interval(one, ends.solid[m], ends.empty[m]) for one, m in zip(found.surfaces, found.members)]
     return AnalyticPart(
@@ -85,7 +93,16 @@ def analytic_part(grid: VoxelGrid, *, doing: Callable[[str], None] = lambda text
         tuple((low * grid.voxel, high * grid.voxel) for low, high in intervals),
         tuple((grid.place(ends.solid[m]), grid.place(ends.empty[m])) for m in found.blend_members),
         _box(surface, grid),
+        MixedPart(grid, surface, slid, tuple(borne_out_sheets(found, ends)), ends),
     )
+
+
+def free_part(grid: VoxelGrid) -> MixedPart:
+    """The smoothed surface of a grid without a single sheet."""
+    surface = marching_cubes(grid)
+    slid = without_terraces(surface, grid.proportions)
+    normal = smooth_surface(surface, slid).normal
+    return MixedPart(grid, surface, slid, (), Ends(*_ends(surface, grid), normal))
 
 
 def _ends(surface: GridSurface, grid: VoxelGrid) -> tuple[Floats, Floats]:

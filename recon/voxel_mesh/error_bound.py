@@ -5,6 +5,8 @@
     back    a new face is tested piece by piece against the grid's surface.  A triangle of that surface is convex, so
             a piece whose three corners are near enough to the same one is near enough all over; where the triangle
             nearest to the middle does not settle it, the piece is halved across its longest side
+    guard   where asked for, the grid edge of every sample at a vertex has to cross the face on which it hangs: then the
+            two voxel centres at its ends stay on their sides
 
 One way alone leaks: a face may span a notch that no sample of it sees, or a spike may rise from a face with no sample.
 """
@@ -32,6 +34,7 @@ ONE_FACE = 6.0  # squared voxels: a side longer than this is near no single tria
 SMALLEST = 0.06  # of the squared limit: a piece with shorter sides that is not settled lies at the limit itself
 TESTED = 0.98  # of the limit, for what is tested piece by piece: many flat collapses may follow
 SAMPLED = 0.94  # of the limit, for samples: between them the distance may be larger
+ON_SIDE = 1e-9  # of a face: a grid edge that runs through its side crosses it
 NEAR = 0.25  # of the squared limit: near enough for a sample to stay
 
 
@@ -43,6 +46,7 @@ class Bound(NamedTuple):
     reach     (F,) how far at most any point of a face is from the grid's surface
     limit     (1,) largest distance allowed; not positive when nothing is bounded
     stack     (40, 9) scratch: triangles still to be judged
+    guard     (G, 3) of the first samples: axis of the grid edge, -1 without, and where along it both centres are
     """
 
     sample: Floats
@@ -52,10 +56,14 @@ class Bound(NamedTuple):
     reach: NDArray[np.float32]
     limit: Floats
     stack: Floats
+    guard: Floats
 
 
-def face_bound(vertices: Floats, faces: Ints, limit: float) -> Bound:
-    """Samples at the vertices, each on one of its faces, and in the middle of every face."""
+def face_bound(vertices: Floats, faces: Ints, limit: float, *, guard: Floats | None = None) -> Bound:
+    """Samples at the vertices, each on one of its faces, and in the middle of every face.
+
+    guard  (V, 3) grid edges that the surface has to cross, see `Bound`
+    """
     n, m = len(vertices), len(faces)
     home = np.empty(n, dtype=np.int64)
     home[faces.ravel()] = np.repeat(np.arange(m), 3)
@@ -73,6 +81,7 @@ def face_bound(vertices: Floats, faces: Ints, limit: float) -> Bound:
         np.zeros(m, dtype=np.float32),
         np.array([limit]),
         np.empty((40, 9)),
+        np.zeros((0, 3)) if guard is None else guard,
     )
 
 
@@ -87,6 +96,7 @@ def no_bound() -> Bound:
         np.zeros(0, dtype=np.float32),
         np.array([-1.0]),
         np.empty((40, 9)),
+        np.zeros((0, 3)),
     )
 
 
@@ -140,6 +150,10 @@ def keeps_bound(
                         break
             if best > SAMPLED * SAMPLED * limit * limit:
                 return False
+            if s < len(bound.guard) and bound.guard[s, 0] >= 0.0:
+                at = _crossed(bound, s, corner, place, ring, n_ring, u)
+                if at < 0:
+                    return False
             bound.goes[s] = at
             s = bound.following[s]
     tested = TESTED * limit
@@ -150,6 +164,29 @@ def keeps_bound(
         if not follows and not face_within(look, place, u, b, c, bound.stack, tested):
             return False
     return True
+
+
+@njit(cache=True)
+def _crossed(
+    bound: Bound, s: int, corner: NDArray[np.int32], place: Floats, ring: NDArray[np.int32], n_ring: int, u: int
+) -> int:  # pragma: no cover - compiled
+    """The ring face that the grid edge of a sample crosses, -1 when it crosses none."""
+    axis = int(bound.guard[s, 0])
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    x, y = bound.sample[s, i], bound.sample[s, j]
+    for k in range(n_ring):
+        b, c = corner[_next(ring[k])], corner[_next(_next(ring[k]))]
+        ax, ay = place[u, i] - x, place[u, j] - y
+        bx, by = place[b, i] - x, place[b, j] - y
+        cx, cy = place[c, i] - x, place[c, j] - y
+        wa, wb, wc = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
+        total = wa + wb + wc
+        if total == 0.0 or min(wa / total, min(wb / total, wc / total)) < -ON_SIDE:
+            continue
+        height = (wa * place[u, axis] + wb * place[b, axis] + wc * place[c, axis]) / total
+        if bound.guard[s, 1] <= height <= bound.guard[s, 2]:
+            return k
+    return -1
 
 
 @njit(cache=True)

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
+from recon.errors import NoSolid
 from recon.geometry.analytic import AnalyticSurface, Cone, Cylinder, Plane, Sphere
 from recon.numerics.halfedges import vertex_adjacency, vertex_normals
 from recon.voxel_mesh.fits import FITS
@@ -29,6 +30,7 @@ RAW, SMOOTHED = 0.62, 0.33
 TURNS = 12.0, 25.0  # degrees; the second for what the first leaves: small holes along the grid, all steps
 DEEP = 3  # rings between a seed and the regions found before
 PATCH = 400  # vertices of the patch around a seed
+MOST = 100  # regions
 LEAST = 60  # vertices of a region worth a face
 SEEDS = 6  # tried before the best is taken
 GAIN = 1.2
@@ -71,7 +73,10 @@ def smooth_surface(surface: GridSurface, smooth: Floats) -> SmoothSurface:
 
 
 def analytic_regions(s: SmoothSurface, *, seed: int = 0) -> tuple[list[Region], Ints]:
-    """Regions, the largest first, and the region of every vertex, -1 where nothing fits."""
+    """Regions, the largest first, and the region of every vertex, -1 where nothing fits.
+
+    Raises  NoSolid when there are more than a part has: a free shape falls into ever smaller ones.
+    """
     rng = np.random.default_rng(seed)
     label = np.full(len(s.middle), -1, dtype=np.int64)
     found: list[Region] = []
@@ -80,6 +85,8 @@ def analytic_regions(s: SmoothSurface, *, seed: int = 0) -> tuple[list[Region], 
         while (region := _largest(s, label, tried, turn, rng)) is not None:
             label[region.vertices] = len(found)
             found.append(region)
+            if len(found) > MOST:
+                raise NoSolid(f"more than {MOST} surfaces were found, too many for a part")
     found.sort(key=lambda region: -len(region.vertices))
     for number, region in enumerate(found):
         label[region.vertices] = number

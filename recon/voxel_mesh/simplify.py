@@ -5,7 +5,7 @@ finds a place beyond it, or two faces that cut each other, the vertices around a
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from recon.voxel_mesh.edge_heap import edge_heap
 from recon.voxel_mesh.error_bound import face_bound, no_bound
 from recon.voxel_mesh.marching_cubes import GridSurface
 
-__all__ = ["Goal", "Simplified", "simplified"]
+__all__ = ["Goal", "Simplified", "collapsed_between", "simplified", "used_rows"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,6 +31,7 @@ Bools = NDArray[np.bool_]
 REGULARISER = 1e-9  # larger ones mix up the order of collapses that cost nothing, and with it every edge of the part
 MARGIN = 0.02  # voxels kept back while collapsing, for what lies between samples
 PROBES = 60_000  # points a way for the verification, on the grid's surface twice as many
+FEW_PROBES = 10_000  # where nothing is promised of the error
 ROUNDS = 6
 REACH = 2.0  # voxels around a bad place that are locked, doubled each round
 
@@ -104,6 +105,55 @@ def simplified(
     raise Refusal(f"after {ROUNDS} rounds {len(bad)} places still break the bound; allow a larger --tolerance.")
 
 
+def collapsed_between(
+    surface: GridSurface, place: Floats, proportions: Floats, *, free: Bools, tolerance: float
+) -> tuple[Floats, Ints, Ints]:
+    """Fewer of the free triangles (F,) of a grid's surface whose vertices have slid to `place` (V, 3), in voxels.
+
+    tolerance  largest distance from the slid surface
+    Promises   all other triangles and their vertices stay; free ones cut no free ones; the grid edges of free vertices
+               are crossed as before.
+    Returns    places (V, 3) of all vertices by their old numbers, the free triangles (T, 3) that are left, and which
+               of the old triangles each of them was
+    Raises     Refusal when cuts or errors remain after several rounds.
+    """
+    faces = surface.face_vertices
+    slid = replace(surface, vertices=place)
+    twin = opposite_halfedges(place, faces, "surface of the grid")
+    locked = np.zeros(len(place), dtype=bool)
+    locked[faces[~free]] = True
+    if not free.any():
+        return place, faces[free], np.flatnonzero(free)
+    guard, look = _guard(surface, proportions, locked), cell_lookup(slid, proportions)
+    quadric = vertex_quadrics(place, faces, regulariser=REGULARISER)
+    tree = cKDTree(place)
+    for number in range(ROUNDS):
+        mesh = collapse_mesh(place, faces, twin, quadric=quadric.copy(), locked=locked, feature=np.zeros_like(locked))
+        bound = face_bound(place, faces, _inner(tolerance), guard=guard)
+        collapse_edges(mesh, edge_heap(len(mesh.half)), bound, look, len(faces), 4)
+        left = np.flatnonzero(free & (mesh.corner[::3] >= 0))
+        rows = mesh.corner.reshape(-1, 3)[left].astype(np.int64)
+        _, bad = crossing_triangles(*used_rows(mesh.place, rows))
+        if not len(bad):
+            return mesh.place, rows, left
+        for near in tree.query_ball_point(bad, REACH * 2**number):
+            locked[near] = True
+    raise Refusal(f"after {ROUNDS} rounds {len(bad)} places between the true faces still cut each other.")
+
+
+def _guard(surface: GridSurface, proportions: Floats, without: Bools) -> Floats:
+    """(V, 3) axis of every vertex's grid edge, -1 for some, and where along it both centres are."""
+    axis = surface.edge_axis
+    low = surface.edge_voxel[np.arange(len(axis)), axis] * proportions[axis]
+    return np.column_stack([np.where(without, -1.0, axis), low, low + proportions[axis]])
+
+
+def used_rows(place: Floats, rows: Ints) -> tuple[Floats, Ints]:
+    """Some triangles of a mesh with the places that they use alone, in the old order."""
+    used, numbers = np.unique(rows, return_inverse=True)
+    return place[used], numbers.reshape(-1, 3)
+
+
 def _inner(tolerance: float) -> float:
     return max(tolerance - MARGIN, 0.5 * tolerance)
 
@@ -119,8 +169,9 @@ def _verified(
 ) -> tuple[Floats, Floats]:
     """Distances of points spread over both surfaces, and the places where a promise is broken."""
     _, cuts = crossing_triangles(*one)
-    there = sample_surface(surface.vertices, surface.face_vertices, 2 * PROBES)
-    back = np.concatenate([sample_surface(*one, PROBES), one[0]])
+    n = FEW_PROBES if tolerance is None else PROBES
+    there = sample_surface(surface.vertices, surface.face_vertices, 2 * n)
+    back = np.concatenate([sample_surface(*one, n), one[0]])
     errors = np.concatenate([closest_points(there, *one).distances, surface_distances(look, back)])
     if tolerance is None:
         return errors, cuts

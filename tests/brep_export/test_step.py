@@ -1,5 +1,8 @@
 """STEP, BREP and the reader: files come back as what they were, whole or not at all, and bad ones are refused."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cadquery as cq
@@ -199,3 +202,23 @@ def test_the_accuracy_that_a_file_states_is_the_least_tolerance_of_what_is_read(
     path.write_text(text.replace(stated[: stated.index(")") + 1], f"LENGTH_MEASURE({0.02 * per_mm:.6E})"))
     edge = next(iter(sub_shapes(read_cad(path), TopAbs_ShapeEnum.TopAbs_EDGE)))
     assert BRep_Tool.Tolerance_s(TopoDS.Edge_s(edge)) == pytest.approx(0.02, rel=1e-5)
+
+
+def test_what_a_killed_run_left_is_cleared_away_by_a_later_one(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    names = {
+        "old": f".part.{gone.pid}.0.step",
+        "old copy": f".part.{gone.pid}.advance.step",
+        "running": f".part.{os.getpid()}.7.step",
+        "of another": f".parts.{gone.pid}.0.step",
+        "young": f".part.{gone.pid}.1.step",
+    }
+    for name in names.values():
+        (tmp_path / name).write_text("half")
+        os.utime(tmp_path / name, (0, 0))
+    os.utime(tmp_path / names["young"])
+    with staged(tmp_path / "part.step") as (temporary,):
+        temporary.write_text("whole")
+    kept = {path.name for path in tmp_path.iterdir()}
+    assert kept == {"part.step", names["running"], names["of another"], names["young"]}

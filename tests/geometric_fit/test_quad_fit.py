@@ -5,6 +5,7 @@ import pytest
 from block_mesh import block
 from hull_meshes import ball, bumpy_ball, disc
 from numpy.testing import assert_allclose
+from quad_meshes import with_handles
 
 from recon.geometric_fit.foot_points import EXACT, nearest_feet
 from recon.geometric_fit.initial_mesh import initial_mesh
@@ -13,6 +14,7 @@ from recon.geometric_fit.quad_mesh import initial_quads, paired, without_doublet
 from recon.geometric_fit.quad_splits import inset, refine_quads, split_rows, with_quads_only
 from recon.geometric_fit.quad_turns import turned_to_even_valences
 from recon.geometric_fit.slits import with_slits
+from recon.geometric_fit.tips import covered_tips
 from recon.geometric_fit.updates import Update
 from recon.geometric_fit.wrapping import wrapped
 from recon.geometry.control_mesh import ControlMesh
@@ -20,6 +22,7 @@ from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import closest_points
 from recon.numerics.halfedges import edge_table, opposite_sides
 from recon.subdivision.limit_surface import Scheme, limit_patches, tessellate
+from recon.subdivision.polygons import split_polygons
 from recon.subdivision.sheets import VertexKind, cut_along_creases
 
 QUADS = [Scheme.CATMULL_CLARK, Scheme.DOO_SABIN]
@@ -222,3 +225,54 @@ def test_all_updates_move_quadrilaterals_too():
             scan, FitOptions(scheme=Scheme.CATMULL_CLARK, control_points=150, plain=True, update=update)
         )
         assert fitted.rounds[-1].errors.rms < fitted.rounds[0].errors.rms
+
+
+def ball_with_a_finger(n):
+    """Triangles of a unit ball, a finger as long as its radius at the north."""
+    scan = ball(n, 3)
+    points = scan.vertices / np.linalg.norm(scan.vertices, axis=1, keepdims=True)
+    away = np.arccos(np.clip(points[:, 2], -1.0, 1.0))
+    return TriangleMesh(points * (1.0 + 1.2 / (1.0 + (away / 0.22) ** 6))[:, None], scan.face_vertices)
+
+
+def round_quads(times):
+    mesh = with_handles(0)
+    for _ in range(times):
+        mesh = split_polygons(mesh)
+    middle = mesh.vertices - mesh.vertices.mean(axis=0)
+    return mesh.with_vertices(middle / np.linalg.norm(middle, axis=1, keepdims=True))
+
+
+def test_a_finger_that_a_coarse_mesh_has_cut_off_gets_quads_of_its_own():
+    scan = ball_with_a_finger(6000)
+    round_mesh = wrapped(round_quads(2), scan, 20)
+    covered = covered_tips(round_mesh, scan)
+    assert covered.n_faces > round_mesh.n_faces
+    assert euler_number_of(covered, 4) == 2
+    off = [
+        closest_points(scan.vertices, mesh.vertices, mesh.triangle_mesh().face_vertices).distances
+        for mesh in (round_mesh, covered)
+    ]
+    assert off[1].max() < 0.5 * off[0].max()
+    assert (covered_tips(covered, scan).vertices == covered.vertices).all()
+
+
+def rows_of_triangles(n):
+    """Two triangles a square of n x n points, all facing up."""
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n - 1), np.arange(n - 1), indexing="ij"))
+    a = n * i + j
+    return np.concatenate([np.stack([a, a + 1, a + n + 1], axis=1), np.stack([a, a + n + 1, a + n], axis=1)])
+
+
+def test_sheets_that_face_each_other_do_not_draw_each_other_over():
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 30), np.linspace(0, 1, 30)))
+    low = TriangleMesh(np.column_stack([x, y, 0 * x]), rows_of_triangles(30))
+    scan = TriangleMesh(
+        np.concatenate([low.vertices, low.vertices + np.array([0.0, 0.0, 0.05])]),
+        np.concatenate([low.face_vertices, low.face_vertices[:, ::-1] + len(x)]),
+    )
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(4), np.arange(4), indexing="ij"))
+    quads = np.stack([5 * i + j, 5 * i + j + 1, 5 * i + j + 6, 5 * i + j + 5], axis=1)
+    corners = np.column_stack([np.tile(np.linspace(0, 1, 5), 5), np.repeat(np.linspace(0, 1, 5), 5), np.full(25, 0.01)])
+    lower = ControlMesh.from_faces(corners, quads)
+    assert np.abs(wrapped(lower, scan, 10).vertices[:, 2]).max() < 0.02

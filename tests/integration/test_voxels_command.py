@@ -80,6 +80,7 @@ def test_a_face_is_not_snapped_onto_the_centres_of_voxels(tmp_path):
         (["--label", "1", "--spacing", "1,2"], "--spacing"),
         (["--label", "1", "--fast"], "--fast"),
         (["--label", "1", "--snap", "1"], "--snap"),
+        (["--label", "1", "--smooth", "--faces", "99"], "--smooth"),
         (["--label", "1", "--min-voxels", "99999"], "--min-voxels"),
     ],
 )
@@ -104,3 +105,38 @@ def test_the_brackets_come_back_with_their_nineteen_faces(tmp_path, name, snap):
     voxel = answer["room"]["spacing"][0]
     radii = sorted(s["radius"] for s in answer["room"]["surfaces"] if "radius" in s)
     assert radii == pytest.approx([3.0] * 6 + [7.0], abs=0.1 * voxel)
+
+
+def lumpy_grid(path):
+    """A block with a hole and, on its top, a lump that is no surface with a formula."""
+    x, y, z = np.meshgrid(*[np.arange(44) - 22 + 0.137] * 3, indexing="ij")
+    x, z = 0.9553 * x + 0.2955 * z, 0.9553 * z - 0.2955 * x
+    block = (np.abs(x) < 15.3) & (np.abs(y) < 13.2) & (z > -12.4) & (z < 0.0) & (np.hypot(x - 8, y) > 4.5)
+    lump = ((x + 6) / 6) ** 4 + (y / 8) ** 2 + (z / 12) ** 2 < 1.0
+    np.savez(path, voxels=block | (lump & (z > -3.0)), spacing=np.full(3, 0.5), origin=np.zeros(3))
+    return path
+
+
+def test_what_is_not_recognised_stays_triangles_between_true_faces(tmp_path):
+    grid = lumpy_grid(tmp_path / "grid.npz")
+    run = recon("voxels", grid, "--analytic", "-o", tmp_path / "part.step", "--json")
+    answer = json.loads(run.stdout)
+    assert (run.returncode, answer["verdict"]) == (0, "pass"), run.stderr
+    kinds, listed = answer["room"]["analytic"], answer["room"]["surfaces"]
+    assert (kinds["planes"], kinds["cylinders"]) == (6, 1)
+    assert kinds["fallback_faces"] == sum(row["faces"] for row in listed if row["kind"] == "triangles") > 20
+    assert answer["kernel"]["faces"] == 7 + kinds["fallback_faces"]
+    assert all(low <= high for low, high in (row["interval"] for row in listed if "interval" in row))
+    assert any("7 faces are true ones" in note for note in answer["notes"])
+
+
+def test_smooth_triangles_keep_the_voxels_on_their_sides(tmp_path):
+    grid = lumpy_grid(tmp_path / "grid.npz")
+    run = recon("voxels", grid, "--smooth", "-o", tmp_path / "part.step", "-o", tmp_path / "part.stl", "--json")
+    answer = json.loads(run.stdout)
+    assert (run.returncode, answer["verdict"]) == (0, "pass"), run.stderr
+    solid = np.load(grid)["voxels"]
+    surface = sum(np.count_nonzero(np.diff(solid, axis=axis)) for axis in range(3))
+    assert answer["room"]["voxels_on_wrong_side"] < 0.01 * surface
+    assert answer["kernel"]["volume"] == pytest.approx(solid.sum() * 0.125, rel=0.01)
+    assert answer["room"]["analytic"] is None

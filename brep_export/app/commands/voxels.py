@@ -52,6 +52,9 @@ def voxels(
     ] = Features.NONE,
     opening: Annotated[float, typer.Option(help="Radius in voxels of the opening for convex features.", min=0.0)] = 3.0,
     closing: Annotated[float, typer.Option(help="Radius in voxels of the closing for concave ones.", min=0.0)] = 2.0,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="Triangles without terraces, edges sharp, every voxel on its side.")
+    ] = False,
     analytic: Annotated[
         bool,
         typer.Option("--analytic", help="Recognise planes, cylinders, cones, spheres and rounded edges as true faces."),
