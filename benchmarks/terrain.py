@@ -28,8 +28,11 @@ from scipy.sparse.linalg import splu
 from recon.geometry.contour_map import ContourMap, HeightGrid
 from recon.readers.height_grids import read_height_grid
 from recon.terrain.contouring import contour_grid, contour_levels
-from recon.terrain.evaluation import contour_distances, distances_between, elevations
-from recon.terrain.pipeline import terrain_surface
+from recon.terrain.evaluation import distances_between, edge_angles, elevations
+from recon.terrain.levels import levels
+from recon.terrain.limiter import excess
+from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
+from recon.terrain.sections import contours_at
 from tables import Table, machine
 
 Floats = NDArray[np.float64]
@@ -39,6 +42,7 @@ DATA = Path(__file__).parents[2] / "shared" / "data" / "terrain"
 PLOT = Path(__file__).parents[1] / "docs" / "measured" / "terrain_growth.png"
 CELL = 10.0  # metres
 NEIGHBOURS = 50  # of the radial basis functions
+FINER = 0.25  # times the default tolerance
 
 
 def fractal_mountain(n: int, cell: float, seed: int, roughness: float = 2.2) -> HeightGrid:
@@ -119,12 +123,15 @@ def compared(name: str, grid: HeightGrid, interval: float) -> None:
     begin = time.process_time()
     ground = terrain_surface(contours)
     seconds = time.process_time() - begin
-    error = contour_distances(ground, contours)
     print(
         f"\n{name} at {interval:g} m: {contours.n_points:,} points, {n_triangles:,} triangles; "
-        f"{ground.n_patches:,} patches in {seconds:.1f} s; "
-        f"curves {error.mean():.2f} m off the given points on average, {error.max():.2f} at most\n"
+        f"{ground.n_patches:,} patches in {seconds:.1f} s, "
+        f"{np.degrees(edge_angles(ground).max(initial=0.0)):.0e} degrees between them at most; "
+        f"{100 * overshoot(ground):.1f} % of the interval beyond contours at most\n"
     )
+    cut_again(ground, contours)
+    cut_again(terrain_surface(contours, TerrainOptions(tolerance=FINER * ground.tolerance)), contours)
+    print()
     halfway = dict.fromkeys(("halfway mean", "halfway median", "halfway 90 %"), "7.2f")
     table = Table({"method": "22", "rms, m": "6.2f", "of the TIN's": "5.3f"} | halfway)
     methods: dict[str, Heights] = {
@@ -143,6 +150,26 @@ def compared(name: str, grid: HeightGrid, interval: float) -> None:
         found = distances_between(contour_levels(HeightGrid(grid.x, grid.y, everywhere), middles), truth)
         away = [] if found is None else [found.mean(), np.median(found), np.quantile(found, 0.9)]
         table.row(label, rms, rms / base, *away)
+
+
+def overshoot(ground: Terrain) -> float:
+    """Farthest that a patch between contours of two heights goes beyond these, in intervals, on a grid of samples."""
+    limits = levels(ground.tiling, ground.interval)
+    strip = limits.strip[ground.layout.face]
+    beyond = excess(limits.low[strip], limits.high[strip], ground.nets)
+    return float(np.max(beyond, where=~limits.ended[strip], initial=0.0)) / ground.interval
+
+
+def cut_again(ground: Terrain, contours: ContourMap) -> None:
+    """Print how far the given contours lie from those of the ground at the same heights, and the other way about."""
+    found = contours_at(ground, np.unique(contours.heights).tolist(), steps=16)
+    there, back = distances_between(contours, found), distances_between(found, contours)
+    if there is not None and back is not None:
+        print(
+            f"cut again at the given heights, tolerance {ground.tolerance:.2f} m: given contours {there.mean():.2f} m "
+            f"off on average, {there.max():.1f} at most; cuts {back.mean():.2f} m off given ones, median "
+            f"{np.median(back):.2f}, {back.max():.1f} at most"
+        )
 
 
 def growth() -> None:

@@ -293,7 +293,7 @@ _EXPLAINS |= dict.fromkeys(("edge-gap", "vertex-gap", "tolerance"), _OFF)
 def _triangulation_defects(
     shape: TopoDS_Shape, seen: Survey, deflection: float, *, closes: bool
 ) -> tuple[ShapeTriangulation, list[Defect], int]:
-    """Line 4.  Coarse triangles of a thin wall may cut where the faces do not, so cuts are looked at again closer."""
+    """Line 4.  Coarse triangles of a thin wall may cut where the faces do not, so these are looked at again closer."""
     uses, triangles = seen.uses, triangulate(shape, deflection, planes=seen.planes)
     defects = _mesh_defects(triangles, uses, closes=closes)
     if _cut(defects) and len(triangles.triangle_face) <= MANY:
@@ -302,13 +302,16 @@ def _triangulation_defects(
         if not _cut(finer_defects):
             triangles, defects = finer, finer_defects
     if _cut(defects) and not cut_faces_still_cut(triangles, _faces(shape), deflection):
-        defects = [d for d in defects if d.code != "self-intersection"]
+        defects = [d for d in defects if d.code not in _LOOKED_AT]
     cuts = sum(int(d.measured or 0) for d in defects if d.code == "self-intersection")
     return triangles, defects, cuts
 
 
+_LOOKED_AT = "self-intersection", "mesh-edge-overused"  # what coarse triangles may say of faces that are sound
+
+
 def _cut(defects: Sequence[Defect]) -> bool:
-    return any(d.code == "self-intersection" for d in defects)
+    return any(d.code in _LOOKED_AT for d in defects)
 
 
 def _faces(shape: TopoDS_Shape) -> list[TopoDS_Face]:

@@ -1,4 +1,7 @@
-"""Faces whose coarse triangles cut each other, looked at alone with fine ones: where many faces have small ones."""
+"""Faces whose coarse triangles cut each other, or crowd on an edge, looked at alone with fine ones.
+
+That is where many faces have small ones. The kernel may also cover a corner of a narrow face twice.
+"""
 
 from collections.abc import Sequence
 
@@ -9,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from brep_export.triangulation import ShapeTriangulation, triangulate
-from recon.geometry.promises import cutting_pairs
+from recon.geometry.promises import crowded_pairs, cutting_pairs
 
 __all__ = ["cut_faces_still_cut"]
 
@@ -20,6 +23,8 @@ GROWTH = 4  # times as many triangles where they are four times as fine
 
 def cut_faces_still_cut(coarse: ShapeTriangulation, faces: Sequence[TopoDS_Face], deflection: float) -> bool:
     """Whether faces whose triangles cut each other, or themselves, do so with finer and finer triangles too.
+
+    An edge with more than two triangles counts as a cut; with more than two faces it is one at every fineness.
 
     At every fineness the chord of a curved edge may pass an inner node of a narrow face; what cuts in truth cuts at all
     of them, so that only those faces are looked at again that still cut. The angle stays: a smaller one brings nodes
@@ -40,7 +45,7 @@ def cut_faces_still_cut(coarse: ShapeTriangulation, faces: Sequence[TopoDS_Face]
 
 def _groups(triangles: ShapeTriangulation) -> list[tuple[list[int], int]]:
     """Faces with triangles that cut each other, by what they cut, and how many triangles they have together."""
-    pairs = triangles.triangle_face[cutting_pairs(triangles.mesh)]
+    pairs = triangles.triangle_face[np.vstack([cutting_pairs(triangles.mesh), crowded_pairs(triangles.mesh)])]
     cutting, place = np.unique(pairs, return_inverse=True)
     first, second = place.reshape(-1, 2).T
     n = len(cutting)

@@ -25,12 +25,13 @@ from recon.geometry.patches import PatchNetwork
 from recon.readers.contours import CONTOUR_ENDINGS, read_contours
 from recon.readers.height_grids import GRID_ENDINGS, read_height_grid
 from recon.readers.map_polygons import POLYGON_ENDINGS, read_polygon
+from recon.terrain.base_contours import contours_with
 from recon.terrain.clipping import clip_to_box, clip_to_polygon
 from recon.terrain.contouring import contour_grid, contour_levels, largest_piece
 from recon.terrain.evaluation import contour_distances, distances_between, edge_angles, elevations
 from recon.terrain.network import stretched, terrain_network
 from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_surface
-from recon.terrain.sections import contours_at, contours_with, islands_above
+from recon.terrain.sections import contours_at, islands_above
 from recon.tolerance import Tolerance
 
 __all__ = ["TOLERANCE", "lowest_place", "paint", "scale_of", "sidecar", "stretch_of", "terrain", "write_sidecar"]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.self_intersection import crossing_triangles
 
-__all__ = ["Defect", "cutting_pairs", "triangle_mesh_defects"]
+__all__ = ["Defect", "crowded_pairs", "cutting_pairs", "triangle_mesh_defects"]
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,17 @@ def triangle_mesh_defects(mesh: TriangleMesh, *, closed: bool = True, margin: fl
 def cutting_pairs(mesh: TriangleMesh) -> NDArray[np.int64]:
     """(n, 2) pairs of triangles that cut each other."""
     return crossing_triangles(mesh.vertices, mesh.face_vertices)[0]
+
+
+def crowded_pairs(mesh: TriangleMesh) -> NDArray[np.int64]:
+    """(n, 2) pairs of triangles on the same edge, where that has more than two; the first of them is in every pair."""
+    faces = mesh.face_vertices
+    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    slot, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)[1:]
+    order = np.argsort(slot.ravel(), kind="stable")
+    first = np.repeat(order[np.cumsum(uses) - uses], uses)
+    crowded = np.repeat(uses > 2, uses) & (first != order)
+    return np.column_stack([first, order])[crowded] % len(faces)
 
 
 def _counted(code: str, what: str, places: NDArray[np.float64]) -> Defect:

@@ -1,4 +1,4 @@
-"""Bernstein polynomials: values, degree elevation, and halving of a cubic.
+"""Bernstein polynomials: values, degree elevation, products, and halving of a cubic.
 
     B_i^n(t) = (n over i) t^i (1 - t)^(n - i),   0 <= i <= n,   t in [0, 1]
 
@@ -10,7 +10,14 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["bernstein", "bernstein_derivative", "degree_elevation", "reparametrization", "cubic_halving"]
+__all__ = [
+    "bernstein",
+    "bernstein_derivative",
+    "bernstein_product",
+    "degree_elevation",
+    "reparametrization",
+    "cubic_halving",
+]
 
 Floats = NDArray[np.float64]
 
@@ -39,6 +46,15 @@ def degree_elevation(low: int, high: int) -> Floats:
         for j in range(max(0, i - high + low), min(low, i) + 1):
             raised[i, j] = comb(low, j) * comb(high - low, i - j) / comb(high, i)
     return raised
+
+
+def bernstein_product(first: int, second: int) -> Floats:
+    """(m + n + 1, m + 1, n + 1) tensor that makes the coefficients of the product of polynomials of degree m and n."""
+    product = np.zeros((first + second + 1, first + 1, second + 1))
+    for i in range(first + 1):
+        for j in range(second + 1):
+            product[i + j, i, j] = comb(first, i) * comb(second, j) / comb(first + second, i + j)
+    return product
 
 
 def reparametrization(degree: int, start: float, end: float) -> Floats:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.numerics.bernstein import bernstein, bernstein_derivative
+from recon.numerics.bernstein import bernstein_product, degree_elevation
 from recon.terrain.second_derivatives import VertexJets
 from recon.terrain.slopes import turned_quarter
 from recon.terrain.tiling import Tiling
@@ -25,55 +25,67 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class EdgeFields:
-    """Heights (m, n) and gradients (m, n, 2) at n even parameters along m edges; `place` (E,) finds an edge."""
+    """Bernstein coefficients, of degree 5, of heights (m, 6) and gradients (m, 6, 2) along m edges.
+
+    Heights are counted from that of the edge's first vertex: a ground lies so high that its rounding would tilt the
+    tangent planes of narrow patches.
+
+    place  (E,) row of an edge of the tiling, -1 where it has none
+    """
 
     height: Floats
     gradient: Floats
     place: NDArray[np.int64]
 
 
-def edge_fields(tiling: Tiling, jets: VertexJets, n: int, edges: NDArray[np.int64]) -> EdgeFields:
-    """Height and gradient at n even parameters of the given edges (m,), in the edges' own direction."""
-    t = np.linspace(0.0, 1.0, n)
-    height, gradient = _tiling_edges(tiling, jets, t, edges)
+def edge_fields(tiling: Tiling, jets: VertexJets, edges: NDArray[np.int64]) -> EdgeFields:
+    """Height and gradient along the given edges (m,), in the edges' own direction."""
+    height, gradient = _tiling_edges(tiling, jets, edges)
     curved = tiling.is_contour[edges]
-    height[curved] = jets.height[tiling.edges[edges[curved], 0]][:, None]
-    gradient[curved] = _contour_gradients(tiling, jets, t, edges[curved])
+    height[curved] = 0.0
+    gradient[curved] = _contour_gradients(tiling, jets, edges[curved])
     place = np.full(len(tiling.edges), -1)
     place[edges] = np.arange(len(edges))
     return EdgeFields(height, gradient, place)
 
 
-def _tiling_edges(tiling: Tiling, jets: VertexJets, t: Floats, edges: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _tiling_edges(tiling: Tiling, jets: VertexJets, edges: NDArray[np.int64]) -> tuple[Floats, Floats]:
     i, j = tiling.edges[edges].T
     d = tiling.points[j] - tiling.points[i]
     w = turned_quarter(d)
     ends = [
-        (jets.height[k], _dot(jets.gradient[k], d), _form(jets.hessian[k], d, d), _dot(jets.gradient[k], w),
-         _form(jets.hessian[k], w, d))
+        (jets.height[k] - jets.height[i], _dot(jets.gradient[k], d), _form(jets.hessian[k], d, d),
+         _dot(jets.gradient[k], w), _form(jets.hessian[k], w, d))
         for k in (i, j)
     ]  # fmt: skip
     z = hermite_quintics(*(end[:3] for end in ends))
-    r = _cubic(*(end[3:] for end in ends))
-    slope, turn = z @ bernstein_derivative(5, t).T, r @ bernstein(3, t).T
-    square = _dot(d, d)[:, None, None]
-    gradient = (slope[..., None] * d[:, None] + turn[..., None] * w[:, None]) / square
-    return z @ bernstein(5, t).T, gradient
+    slope = 5 * np.diff(z, axis=1) @ degree_elevation(4, 5).T
+    turn = _cubic(*(end[3:] for end in ends)) @ degree_elevation(3, 5).T
+    gradient = slope[..., None] * d[:, None] + turn[..., None] * w[:, None]
+    return z, gradient / _dot(d, d)[:, None, None]
 
 
-def _contour_gradients(tiling: Tiling, jets: VertexJets, t: Floats, rows: NDArray[np.int64]) -> Floats:
+def _contour_gradients(tiling: Tiling, jets: VertexJets, rows: NDArray[np.int64]) -> Floats:
+    """(m, 6, 2) gradients along contour edges.
+
+    Rounding lets the curvatures of short segments that meet differ by so much that the twist at their vertex would not
+    be that of its Hessian, and a patch a millimetre wide would lean. The rest is put into the gradient along the
+    contour, where it stays what it is: nothing.
+    """
     b = tiling.curves.bezier[tiling.edge_segment[rows]]
     first = (3 * (b[:, 1] - b[:, 0]), 3 * (b[:, 3] - b[:, 2]))
     second = (6 * (b[:, 2] - 2 * b[:, 1] + b[:, 0]), 6 * (b[:, 3] - 2 * b[:, 2] + b[:, 1]))
-    ends = []
+    across, along = [], []
     for k, c1, c2 in zip(tiling.edges[rows].T, first, second):
         square = _dot(c1, c1)
         left = turned_quarter(c1)
         s = _dot(jets.gradient[k], left) / square
-        ends.append((s, (_form(jets.hessian[k], left, c1) - s * _dot(c1, c2)) / square))
-    s = _cubic(*ends) @ bernstein(3, t).T
-    velocity = np.matmul(bernstein_derivative(3, t), b)
-    return s[..., None] * turned_quarter(velocity)
+        across.append((s, (_form(jets.hessian[k], left, c1) - s * _dot(c1, c2)) / square))
+        along.append((0.0 * s, (_form(jets.hessian[k], c1, c1) - s * _dot(c1, turned_quarter(c2))) / square))
+    velocity = 3 * np.diff(b, axis=1)
+    product = bernstein_product(3, 2)
+    across, along = (np.einsum("kij,mi,mjd->mkd", product, _cubic(*ends), velocity) for ends in (across, along))
+    return np.asarray(turned_quarter(across) + along)
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

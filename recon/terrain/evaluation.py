@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from recon.geometry.contour_map import ContourMap
 from recon.numerics.bernstein import bernstein
+from recon.terrain.ground import Terrain
 from recon.terrain.patch_group import PatchGroup
-from recon.terrain.pipeline import Terrain
 
 __all__ = ["contour_distances", "distances_between", "edge_angles", "elevations", "sampled_triangles"]
 

@@ -36,6 +36,8 @@ Flags = NDArray[np.bool_]
 FIRST_SPANS = (0.25, 0.1, 0.03, 0.01, 0.003, 0.001, 3e-4, 1e-4, 3e-5, 1e-5)  # tried in turn, until the angle is kept
 UP = np.array([0.0, 0.0, 1.0])
 FOLD_SAMPLES = np.linspace(0.0, 1.0, 15)
+AT_ONCE = 4096  # patches, which bounds the memory
+POINT = 1e-9  # of the side across: a side no longer is a point, but for rounding
 LEAST_AREA = 0.02  # of a plan map's Jacobian, at least so much of its greatest
 WIDENING = 3.0  # of the spans from a corner inward
 
@@ -86,6 +88,11 @@ class GregoryPatches(PatchGroup):
     def stray(self) -> float:
         return float(self.apart.max(initial=0.0))
 
+    def folded(self) -> Flags:
+        """(n,) on a grid of samples: in a narrow steep patch, tangent planes push the inside over the sides."""
+        top, extent = (np.ptp(net, axis=1).max(axis=1) for net in (self.nets.net_s[:, :, 3], self.nets.net_s[:, :, 0]))
+        return _turned_over(self.nets, top < POINT * extent)
+
     def part(self, kept: Flags, rows: Ints) -> "GregoryPatches":
         return replace(self, rows=rows, nets=self.nets.part(kept), level=self.level[kept], apart=self.apart[kept])
 
@@ -128,12 +135,22 @@ def gregory_folds(tiling: Tiling, layout: PatchLayout) -> Flags:
     places = np.column_stack([tiling.points, np.zeros(len(tiling.points))])
     curves = _edge_curves(tiling, places, np.zeros((len(places), 2)))
     nets = gregory_nets(_sides(curves, places, layout), np.broadcast_to(UP, (len(layout.corners), 4, 3)), UP)
+    return _turned_over(nets, layout.is_triangle)
+
+
+def _turned_over(nets: GregoryNets, triangle: Flags) -> Flags:
+    """(P,) whether the Jacobian of a plan map is not positive everywhere, by a share of its greatest."""
+    found = np.zeros(len(triangle), dtype=bool)
     u, v = np.meshgrid(FOLD_SAMPLES, 0.98 * FOLD_SAMPLES, indexing="ij")  # short of an apex
-    _, along_u, along_v = nets.points(np.column_stack([u.ravel(), v.ravel()]))
-    area = np.cross(along_u, along_v)[..., 2]
-    # towards a collapsed side, where it vanishes, in measure of what is left of the side
-    area = area / np.where(layout.is_triangle[:, None], 1.0 - v.ravel(), 1.0)
-    return np.asarray(area.min(axis=1) <= LEAST_AREA * area.max(axis=1))
+    places = np.column_stack([u.ravel(), v.ravel()])
+    for first in range(0, len(triangle), AT_ONCE):
+        rows = np.arange(first, min(first + AT_ONCE, len(triangle)))
+        _, along_u, along_v = nets.part(rows).points(places)
+        area = along_u[..., 0] * along_v[..., 1] - along_u[..., 1] * along_v[..., 0]
+        # towards a collapsed side, where it vanishes, in measure of what is left of the side
+        area = area / np.where(triangle[rows, None], 1.0 - v.ravel(), 1.0)
+        found[rows] = area.min(axis=1) <= LEAST_AREA * area.max(axis=1)
+    return found
 
 
 def _edge_curves(tiling: Tiling, places: Floats, gradient: Floats) -> Floats:

@@ -1,7 +1,8 @@
 """Step 7, limiter: no patch leaves the heights of the contours around its strip by more than a share of the interval.
 
 Where one does, gradient and Hessian of its corners are scaled down and the patches are made again; scaled jets still
-agree around every vertex, so the surface stays G1, and contours stay contours.
+agree around every vertex, so the surface stays G1, and contours stay contours. So are those of patches that fold since
+they are steep.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,8 +33,8 @@ def limited_jets(
     limits: Levels,
     interval: float,
     held: Ints | None = None,
-) -> tuple[VertexJets, tuple[PatchGroup, ...]]:
-    """Jets scaled down where needed, and the patches made from them.
+) -> tuple[VertexJets, tuple[PatchGroup, ...], Ints]:
+    """Jets scaled down where needed, the patches made from them, and those (n,) that go too far, or fold, all the same.
 
     made  makes the patches of some rows of the layout, or of all, always in the same groups
     held  vertices whose jets stay as they are, whatever the patches do
@@ -45,11 +46,12 @@ def limited_jets(
     parts: Sequence[PatchGroup] = nets
     for _ in range(ROUNDS):
         over = excess(low, high, parts)
-        too_high = over > allowed
+        folded = _folded(parts, len(low))
+        too_high = (over > allowed) | folded
         if not too_high.any():
             break
         factor = np.ones(len(jets.height))
-        share = np.clip(allowed[too_high] / over[too_high], *FACTORS)
+        share = np.clip(allowed[too_high] / np.where(folded, np.inf, over)[too_high], *FACTORS)
         np.minimum.at(factor, layout.corners[too_high].ravel(), np.repeat(share, 4))
         if held is not None:
             factor[held] = 1.0
@@ -59,7 +61,15 @@ def limited_jets(
             break
         parts = made(jets, changed)
         nets = tuple(group.replaced(new) for group, new in zip(nets, parts))
-    return jets, nets
+    return jets, nets, np.flatnonzero((excess(low, high, nets) > allowed) | _folded(nets, len(low)))
+
+
+def _folded(parts: Sequence[PatchGroup], n_patches: int) -> NDArray[np.bool_]:
+    """(P,) those of the given patches that fold."""
+    out = np.zeros(n_patches, dtype=bool)
+    for part in parts:
+        out[part.rows] = part.folded()
+    return out
 
 
 def excess(low: Floats, high: Floats, parts: Sequence[PatchGroup]) -> Floats:

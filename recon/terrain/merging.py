@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry.patches import COLLAPSED
-from recon.numerics.bernstein import reparametrization
+from recon.numerics.bernstein import bernstein_product, reparametrization
 from recon.terrain.tiling import Tiling
 
 __all__ = ["Folds", "PatchLayout", "is_folded", "merged_layout", "plan_sides", "ruled_folds", "triangle_layout"]
@@ -199,12 +199,6 @@ def _plan_side(tiling: Tiling, layout: PatchLayout, side: int, ends: tuple[int, 
     return net
 
 
-_PRODUCT = np.zeros((6, 3, 4))  # Bernstein coefficients of a quadratic times a cubic
-for _i, _p in enumerate((1, 2, 1)):
-    for _j, _q in enumerate((1, 3, 3, 1)):
-        _PRODUCT[_i + _j, _i, _j] = _p * _q / (1, 5, 10, 10, 5, 1)[_i + _j]
-
-
 Folds = Callable[[Tiling, PatchLayout], NDArray[np.bool_]]  # (P,) which patches' plan maps fold
 
 
@@ -228,7 +222,7 @@ def is_folded(bottom: Floats, top: Floats, triangle: NDArray[np.bool_]) -> NDArr
 def _cross_product(quadratic: Floats, cubic: Floats) -> Floats:
     """(P, 6) Bernstein coefficients of the cross product of two plane polynomials."""
     turned = np.stack([cubic[..., 1], -cubic[..., 0]], axis=1)
-    return np.asarray((quadratic @ turned).reshape(-1, 12) @ _PRODUCT.reshape(6, 12).T)
+    return np.asarray((quadratic @ turned).reshape(-1, 12) @ bernstein_product(2, 3).reshape(6, 12).T)
 
 
 def _is_positive(coefficients: Floats) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.patches import COLLAPSED, PatchNetwork
-from recon.terrain.pipeline import Terrain
+from recon.terrain.ground import Terrain
 
 __all__ = ["border_angles", "joined_network", "stretched", "terrain_network"]
 

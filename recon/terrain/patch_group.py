@@ -53,6 +53,10 @@ class PatchGroup(ABC):
         """Radians between the tangent planes of the patches and of their `surfaces` along the sides, at most."""
         return 0.0
 
+    def folded(self) -> Flags:
+        """(n,) whether a plan map turns over that depends on the heights; none does where it does not."""
+        return np.zeros(len(self.rows), dtype=bool)
+
     @abstractmethod
     def part(self, kept: Flags, rows: Ints) -> Self:
         """Some of the patches (n,), with their new places in the layout."""

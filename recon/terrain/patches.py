@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.patches import COLLAPSED
-from recon.numerics.bernstein import bernstein, bernstein_derivative, degree_elevation
+from recon.numerics.bernstein import bernstein, bernstein_derivative, bernstein_product, degree_elevation
 from recon.numerics.rows import unit_vectors
 from recon.terrain.curve_mesh import EdgeFields, edge_fields
 from recon.terrain.merging import PatchLayout, plan_sides
@@ -113,83 +113,87 @@ def patch_nets(
     rows = np.arange(len(layout.corners)) if chosen is None else chosen
     sides = layout.side_edges[rows]
     curved = np.where(sides == COLLAPSED, False, tiling.is_contour[sides]).any(axis=1)
-    edges = np.unique(sides[sides != COLLAPSED])
-    along_v = edge_fields(tiling, jets, DEGREE_V + 1, edges)
+    fields = edge_fields(tiling, jets, np.unique(sides[sides != COLLAPSED]))
     made = []
     for own, degree in ((rows[curved], CURVED), (rows[~curved], STRAIGHT)):
         part = layout.part(own)
-        used = np.unique(part.side_edges[:, [0, 2]])
-        along_u = along_v if degree == DEGREE_V else edge_fields(tiling, jets, degree + 1, used[used != COLLAPSED])
-        sides_of = _Sides.of(part, jets, along_u, along_v)
+        sides_of = _Sides.of(tiling, part, jets, fields)
         made.append(PatchNets(own, _nets(part, jets, sides_of, plan_sides(tiling, part), degree)))
     return made[0], made[1]
 
 
 @dataclass(frozen=True, eq=False)
 class _Sides:
-    """Height (P, n) and gradient (P, n, 2) along each of the four sides, in the sides' own directions."""
+    """Bernstein coefficients along each side, in its own direction: heights (P, 6) and gradients (P, 6, 2).
+
+    Heights are counted from that of corner 0.
+    """
 
     height: tuple[Floats, ...]
     gradient: tuple[Floats, ...]
 
     @classmethod
-    def of(cls, layout: PatchLayout, jets: VertexJets, along_u: EdgeFields, along_v: EdgeFields) -> "_Sides":
+    def of(cls, tiling: Tiling, layout: PatchLayout, jets: VertexJets, fields: EdgeFields) -> "_Sides":
         heights, gradients = [], []
-        for side in range(4):
-            fields = along_u if side in (0, 2) else along_v
-            edge, forward = layout.side_edges[:, side], layout.side_forward[:, side]
+        base = jets.height[layout.corners[:, 0]]
+        for edge, forward in zip(layout.side_edges.T, layout.side_forward.T):
             z, g = fields.height[fields.place[edge]], fields.gradient[fields.place[edge]]
+            z += (jets.height[tiling.edges[edge, 0]] - base)[:, None]
             z = np.where(forward[:, None], z, z[:, ::-1])
             g = np.where(forward[:, None, None], g, g[:, ::-1])
             point = edge == COLLAPSED
-            z[point] = jets.height[layout.corners[point, 3]][:, None]
+            z[point] = (jets.height[layout.corners[point, 3]] - base[point])[:, None]
             g[point] = jets.gradient[layout.corners[point, 3]][:, None]
             heights.append(z)
             gradients.append(g)
         return cls(tuple(heights), tuple(gradients))
 
 
-def _hermite(t: Floats) -> Floats:
-    """(4, n) cubic Hermite functions: value and slope at 0, value and slope at 1."""
-    return np.stack([(1 + 2 * t) * (1 - t) ** 2, t * (1 - t) ** 2, t * t * (3 - 2 * t), t * t * (t - 1)])
+# coefficients, columns, of the cubic Hermite functions: value and slope at 0, value and slope at 1
+_HERMITE = np.array([[3, 0, 0, 0], [3, 1, 0, 0], [0, 0, 3, -1], [0, 0, 3, 0]]) / 3.0
+_REDUCTION = np.linalg.pinv(degree_elevation(4, 5))  # of gradients along tiling edges, which are of degree 4
 
 
 def _nets(layout: PatchLayout, jets: VertexJets, sides: _Sides, plan: tuple[Floats, Floats], degree: int) -> Floats:
     bottom, top = plan
-    u, v = np.linspace(0, 1, degree + 1), np.linspace(0, 1, DEGREE_V + 1)
-    across = bernstein(3, u) @ (top - bottom)  # X_v, the same at v = 0 and 1
-    ends = [(3 * (net[:, 1] - net[:, 0]), 3 * (net[:, 3] - net[:, 2])) for net in plan]
-    along = [(1 - v)[:, None] * ends[0][k][:, None] + v[:, None] * ends[1][k][:, None] for k in (0, 1)]  # X_u at u = k
+    across = top - bottom  # X_v, the same at v = 0 and 1
+    steps = [[3 * (net[:, 1] - net[:, 0]), 3 * (net[:, 3] - net[:, 2])] for net in plan]
+    along = [np.stack([steps[0][k], steps[1][k]], axis=1) for k in (0, 1)]  # X_u at u = k
+    raised = degree_elevation(DEGREE_V, degree)
     in_v = np.stack([
-        sides.height[0], np.einsum("ntd,ntd->nt", sides.gradient[0], across),
-        sides.height[2], np.einsum("ntd,ntd->nt", sides.gradient[2], across),
+        sides.height[0] @ raised.T, _directed(sides.gradient[0], across, degree),
+        sides.height[2] @ raised.T, _directed(sides.gradient[2], across, degree),
     ])  # fmt: skip
     in_u = np.stack([
-        sides.height[3], np.einsum("ntd,ntd->nt", sides.gradient[3], along[0]),
-        sides.height[1], np.einsum("ntd,ntd->nt", sides.gradient[1], along[1]),
+        sides.height[3], _directed(sides.gradient[3], along[0], DEGREE_V),
+        sides.height[1], _directed(sides.gradient[1], along[1], DEGREE_V),
     ])  # fmt: skip
-    hu, hv = _hermite(u), _hermite(v)
+    hu, hv = degree_elevation(3, degree) @ _HERMITE, degree_elevation(3, DEGREE_V) @ _HERMITE
     corner = _corner_tensor(layout, jets, plan)
-    base = sides.height[0][:, :1]
-    in_v[0::2] -= base
-    in_u[0::2] -= base
-    corner[:, 0::2, 0::2] -= base[:, :, None]
-    to_u, to_v = np.linalg.inv(bernstein(degree, u)), np.linalg.inv(bernstein(DEGREE_V, v))
-    z = (
-        (to_u @ in_v.transpose(1, 2, 0)) @ (to_v @ hv.T).T
-        + (to_u @ hu.T) @ (in_u.transpose(1, 0, 2) @ to_v.T)
-        - (to_u @ hu.T) @ corner @ (to_v @ hv.T).T
-    )
+    z = in_v.transpose(1, 2, 0) @ hv.T + hu @ (in_u.transpose(1, 0, 2) - corner @ hv.T)
     net = np.empty((len(z), degree + 1, DEGREE_V + 1, 3))
-    net[..., 2] = z + base[:, :, None]
-    raise_u = degree_elevation(3, degree)
+    net[..., 2] = z + jets.height[layout.corners[:, 0], None, None]
+    raise_u, v = degree_elevation(3, degree), np.linspace(0, 1, DEGREE_V + 1)
     low, high = ((raise_u @ side)[:, :, None] for side in plan)
     net[..., :2] = (1 - v)[:, None] * low + v[:, None] * high
     return net
 
 
+def _directed(gradient: Floats, way: Floats, degree: int) -> Floats:
+    """(P, degree + 1) coefficients of the slope along a way: one that is cubic, or linear, from end to end."""
+    if degree == CURVED:
+        product = bernstein_product(DEGREE_V, 3)
+    else:
+        gradient, way, product = _REDUCTION @ gradient, way[:, [0, -1]], bernstein_product(DEGREE_V - 1, 1)
+    outer = gradient[:, :, None, 0] * way[:, None, :, 0] + gradient[:, :, None, 1] * way[:, None, :, 1]
+    return np.asarray(outer.reshape(-1, product[0].size) @ product.reshape(len(product), -1).T)
+
+
 def _corner_tensor(layout: PatchLayout, jets: VertexJets, plan: tuple[Floats, Floats]) -> Floats:
-    """(P, 4, 4) values, slopes and twists at the corners: rows z, z_u at u = 0, then at u = 1; columns so in v."""
+    """(P, 4, 4) heights from that of corner 0, slopes and twists at the corners.
+
+    Rows are z and z_u at u = 0, then at u = 1; columns so in v.
+    """
     tensor = np.empty((len(layout.corners), 4, 4))
     across = [plan[1][:, 3 * k] - plan[0][:, 3 * k] for k in (0, 1)]
     steps = [[3 * (net[:, 1] - net[:, 0]), 3 * (net[:, 3] - net[:, 2])] for net in plan]
@@ -197,7 +201,7 @@ def _corner_tensor(layout: PatchLayout, jets: VertexJets, plan: tuple[Floats, Fl
         vertex = layout.corners[:, corner]
         g, h = jets.gradient[vertex], jets.hessian[vertex]
         x_u, x_v, x_uv = steps[j][i], across[i], steps[1][i] - steps[0][i]
-        tensor[:, 2 * i, 2 * j] = jets.height[vertex]
+        tensor[:, 2 * i, 2 * j] = jets.height[vertex] - jets.height[layout.corners[:, 0]]
         tensor[:, 2 * i + 1, 2 * j] = np.einsum("nd,nd->n", g, x_u)
         tensor[:, 2 * i, 2 * j + 1] = np.einsum("nd,nd->n", g, x_v)
         tensor[:, 2 * i + 1, 2 * j + 1] = np.einsum("ni,nij,nj->n", x_u, h, x_v) + np.einsum("nd,nd->n", g, x_uv)

@@ -16,9 +16,10 @@ from recon.geometry.contour_map import HeightGrid
 from recon.numerics.bernstein import bernstein
 from recon.terrain.border import BorderVertices
 from recon.terrain.curve_mesh import hermite_quintics
+from recon.terrain.curve_tiling import BORDER_STEP
 from recon.terrain.evaluation import elevations
+from recon.terrain.ground import Terrain
 from recon.terrain.limiter import BEYOND, BEYOND_ENDED
-from recon.terrain.pipeline import BORDER_STEP, Terrain
 from recon.terrain.second_derivatives import VertexJets
 from recon.terrain.slopes import turned_quarter
 

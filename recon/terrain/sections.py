@@ -9,26 +9,21 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from recon.geometry.contour_map import ContourMap
 from recon.geometry.patches import COLLAPSED
-from recon.numerics.bernstein import bernstein
-from recon.terrain.pipeline import Terrain
+from recon.terrain.ground import Terrain
 
-__all__ = ["contours_at", "contours_with", "islands_above", "welded_triangles"]
+__all__ = ["contours_at", "islands_above", "welded_triangles"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 CELLS = 4  # of a patch in either direction
 INSIDE = np.array([0.25, 0.5, 0.75])
-SAME = 0.01  # of the interval: contours so near to a height are taken to lie at it
-BESIDE = 0.25  # of the tolerance: nearer to the border a new contour does not run, it ends there
-OWN = 2.0  # tolerances within which all of a curve of the ground lies from the contour that it follows
 
 
 def welded_triangles(terrain: Terrain, steps: int = CELLS) -> tuple[Floats, Ints]:
@@ -72,65 +67,6 @@ def contours_at(terrain: Terrain, heights: Sequence[float], *, steps: int = CELL
     if not lines:
         return None
     return ContourMap(lines, levels, terrain.extent + terrain.origin, terrain.crs)
-
-
-def contours_with(contours: ContourMap, ground: Terrain, height: float) -> tuple[ContourMap, tuple[str, ...]]:
-    """The contours that a ground was made from, and its own at one more height; and what was done to them.
-
-    Given contours lie off the ground's own by its tolerance, so that some may cross the new ones: those give way to the
-    curves that the ground has in their place.
-    """
-    nearest = contours.heights[np.argmin(np.abs(contours.heights - height))]
-    if abs(nearest - height) <= SAME * contours.interval():
-        moved = contours.with_lines(contours.lines, np.where(contours.heights == nearest, height, contours.heights))
-        return moved, () if nearest == height else (f"The contours at {nearest:g} m are taken to lie at {height:g} m.",)
-    found = contours_at(ground, [height])
-    added = None if found is None else _off_border(contours, found, BESIDE * ground.tolerance)
-    if added is None:
-        return contours, ()
-    lines, heights = _clear_of(contours, added, ground)
-    return contours.with_lines([*lines, *added.lines], [*heights, *added.heights.tolist()]), ()
-
-
-def _off_border(contours: ContourMap, found: ContourMap, reach: float) -> ContourMap | None:
-    """Contours without their parts within reach of the border, the rest ended there; None where nothing is left."""
-    border = shapely.MultiLineString([contours.outline, *contours.voids])
-    beside = border.buffer(reach)
-    lines, heights = [], []
-    for line, height in zip(found.lines, found.heights.tolist()):
-        away = shapely.line_merge(shapely.difference(shapely.LineString(line), beside))
-        for part in shapely.get_parts(away):
-            points = shapely.get_coordinates(part)
-            if (points[0] != points[-1]).any():
-                feet = shapely.get_coordinates(shapely.shortest_line(border, shapely.points(points[[0, -1]])))[::2]
-                points = np.vstack([feet[:1], points, feet[1:]])
-            if len(points) > 2:
-                lines.append(points)
-                heights.append(height)
-    return found.with_lines(lines, heights) if lines else None
-
-
-def _clear_of(contours: ContourMap, added: ContourMap, ground: Terrain) -> tuple[list[Floats], list[float]]:
-    """Lines and heights of contours, in place of those that meet added ones the curves that the ground has."""
-    given, new = ([shapely.LineString(line) for line in some.lines] for some in (contours, added))
-    met = set(shapely.STRtree(given).query(new, predicate="intersects")[1].tolist())
-    lines: list[Floats] = [line for i, line in enumerate(contours.lines) if i not in met]
-    heights = [z for i, z in enumerate(contours.heights.tolist()) if i not in met]
-    if not met:
-        return lines, heights
-    curves = ground.tiling.curves
-    points = np.einsum("tk,mkd->mtd", bernstein(3, np.linspace(0.0, 1.0, CELLS + 1)), curves.bezier) + ground.origin
-    for c, z in enumerate(curves.heights.tolist()):
-        own = points[curves.contour == c]
-        line = np.vstack([own[:, :-1].reshape(-1, 2), own[-1, -1:]])
-        if any(contours.heights[i] == z and _follows(line, given[i], OWN * ground.tolerance) for i in met):
-            lines.append(line)
-            heights.append(z)
-    return lines, heights
-
-
-def _follows(line: Floats, given: shapely.LineString, reach: float) -> bool:
-    return bool((shapely.distance(given, shapely.points(line)) <= reach).all())
 
 
 def _crossings(points: Floats, faces: Ints, height: float) -> list[Floats]:

@@ -22,9 +22,12 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 import brep_export.check as gate
 from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.check_topology import sub_shapes
+from brep_export.close_look import cut_faces_still_cut
 from brep_export.measures import measure
 from brep_export.read_back import same_after_reading
+from brep_export.triangulation import triangulate
 from recon.errors import GateFailed
+from recon.geometry.promises import crowded_pairs
 from recon.tolerance import Tolerance
 
 TOLERANCE = Tolerance()
@@ -90,6 +93,14 @@ def test_an_edge_used_three_times_is_named() -> None:
     """A wall inside a box: its four edges have three faces each, all others two."""
     parts = _box_with_a_wall_inside()
     assert codes(solid(shell(parts))) == ["edge-overused"]
+
+
+def test_an_edge_used_three_times_stays_so_in_fine_triangles() -> None:
+    """The kernel may cover a corner of a narrow face twice: then finer triangles do not."""
+    parts = _box_with_a_wall_inside()
+    triangles = triangulate(compound(*parts), 1.0)
+    assert len(crowded_pairs(triangles.mesh)) == 2 * 4
+    assert cut_faces_still_cut(triangles, parts, 1.0)
 
 
 def _box_with_a_wall_inside() -> list[TopoDS_Shape]:

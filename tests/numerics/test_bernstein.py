@@ -6,6 +6,7 @@ from recon.geometry.bspline import BSplineCurve
 from recon.numerics.bernstein import (
     bernstein,
     bernstein_derivative,
+    bernstein_product,
     cubic_halving,
     degree_elevation,
     reparametrization,
@@ -30,6 +31,15 @@ def test_derivative_of_a_cubic_power():
 def test_degree_elevation_keeps_the_curve(low):
     control = np.random.default_rng(low).normal(size=(low + 1, 2))
     assert_allclose(bernstein(3, T) @ degree_elevation(low, 3) @ control, bernstein(low, T) @ control, atol=1e-14)
+
+
+@pytest.mark.parametrize(("first", "second"), [(3, 2), (2, 3), (5, 3), (4, 1)])
+def test_coefficients_of_a_product_are_those_of_the_product(first, second):
+    random = np.random.default_rng(first)
+    p, q = random.normal(size=first + 1), random.normal(size=second + 1)
+    product = bernstein_product(first, second) @ q @ p
+    expected = (bernstein(first, T) @ p) * (bernstein(second, T) @ q)
+    assert_allclose(bernstein(first + second, T) @ product, expected, atol=1e-13)
 
 
 def test_halving_keeps_the_curve():

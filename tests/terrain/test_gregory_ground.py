@@ -9,7 +9,10 @@ from brep_export.app.terrain_job import lowest_place
 from recon.errors import BadOption
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.patches import connect
+from recon.numerics.gregory import gregory_nets
+from recon.numerics.rows import unit_vectors
 from recon.terrain.evaluation import distances_between, edge_angles, elevations
+from recon.terrain.gregory import GregoryPatches
 from recon.terrain.network import terrain_network
 from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_surface
 from recon.terrain.sections import contours_at
@@ -62,6 +65,33 @@ def test_contours_of_the_ground_run_where_they_were_given(grounds):
     level = float(np.unique(given.heights)[2])
     found = contours_at(grounds[2], [level])
     assert distances_between(found, given).max() < 6.0
+
+
+def _triangle(slopes: list[list[float]]) -> GregoryPatches:
+    """A triangle of St Helens, 42 m long and a few decimetres wide, with these slopes at its corners (3, 2)."""
+    plan = np.array([[0.285, 41.975], [0.236, 42.755], [0.0, 0.0]])
+    height, slope = np.array([9.453, 9.453, 0.0]), np.array(slopes)
+
+    def edge(i: int, j: int) -> np.ndarray:
+        curve = np.linspace(0.0, 1.0, 4)[:, None] * np.r_[plan[j] - plan[i], 0.0] + np.r_[plan[i], 0.0]
+        rise = (plan[j] - plan[i]) @ slope[[i, j]].T / 3
+        curve[:, 2] = height[i], height[i] + rise[0], height[j] - rise[1], height[j]
+        return curve[None]
+
+    apex = np.broadcast_to(np.r_[plan[2], height[2]], (1, 4, 3))
+    normals = unit_vectors(np.column_stack([-slope, np.ones(3)]))[[0, 1, 2, 2]][None]
+    nets = gregory_nets((edge(0, 1), edge(1, 2), apex, edge(0, 2)), normals, np.array([0.0, 0.0, 1.0]))
+    return GregoryPatches(np.arange(1), nets, np.zeros(1, dtype=np.int64), np.zeros((1, 4)))
+
+
+def test_a_narrow_patch_folds_where_it_is_steep_alone():
+    assert _triangle([[1.13, 0.09], [0.0, 0.0], [0.8, 0.24]]).folded()[0]
+    assert not _triangle([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]).folded()[0]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_no_patch_folds(grounds, seed):
+    assert not any(part.folded().any() for part in grounds[seed].nets)
 
 
 @pytest.mark.parametrize("angle", [0.0, -1.0, np.nan, 91.0])

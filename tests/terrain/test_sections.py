@@ -7,11 +7,12 @@ from generated_mountains import mountain_contours, mountain_grid
 
 from recon.errors import BadOption
 from recon.geometry.contour_map import ContourMap, HeightGrid
+from recon.terrain.base_contours import contours_with
 from recon.terrain.clipping import clip_to_box
 from recon.terrain.contouring import contour_grid
 from recon.terrain.evaluation import edge_angles, elevations
 from recon.terrain.pipeline import Terrain, TerrainOptions, terrain_surface
-from recon.terrain.sections import contours_at, contours_with, islands_above, welded_triangles
+from recon.terrain.sections import contours_at, islands_above, welded_triangles
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +46,7 @@ def test_welded_triangles_cover_the_map_once(ground):
 
 def test_islands_lie_above_their_level_and_leave_the_rest():
     contours = mountain_contours(1)
-    level = float(np.median(contours.heights))
+    level = float(np.sort(contours.heights)[len(contours.heights) // 2])
     ground = terrain_surface(contours, floor=level)
     islands = islands_above(ground, level)
     assert 0 < sum(island.n_patches for island in islands) < ground.n_patches
@@ -110,10 +111,25 @@ def test_a_contour_near_the_base_is_taken_to_lie_at_it(ground):
 
 def test_contours_beside_a_new_one_give_way_to_the_grounds_own(ground):
     contours = mountain_contours(1)
-    level = float(np.median(contours.heights)) + 0.15
+    level = float(np.sort(contours.heights)[len(contours.heights) // 2]) + 0.15
     more, told = contours_with(contours, ground, level)
     lines = [shapely.LineString(line) for line in more.lines]
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     assert (first == second).all()
-    assert not told
+    assert "as the ground has them" in told[0]
     assert set(np.unique(more.heights)) == {*np.unique(contours.heights), level}
+
+
+def test_a_base_runs_close_beside_contours_of_a_steep_wall():
+    """Its own contour lies a few centimetres from those of the wall, in plan, and all end on the border."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 61), np.linspace(-1, 1, 61))
+    wall = 60 + 55 * np.tanh((y - 0.3 * np.sin(3 * x)) / 0.05) + 8 * x
+    axis = 10.0 * np.arange(61)
+    contours = contour_grid(HeightGrid(axis, axis, wall), 10.0)
+    ground = terrain_surface(contours)
+    more, told = contours_with(contours, ground, 50.3)
+    assert any("of the base" in note for note in told)
+    cut = terrain_surface(more, TerrainOptions(tolerance=ground.tolerance), floor=50.3)
+    for island in islands_above(cut, 50.3):
+        points, faces = welded_triangles(island, steps=16)
+        assert points[np.unique(faces), 2].min() > 50.3 - 1e-6

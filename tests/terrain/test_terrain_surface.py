@@ -10,7 +10,7 @@ from scipy.interpolate import LinearNDInterpolator
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import ContourMap
 from recon.geometry.patches import COLLAPSED, PatchNetwork
-from recon.terrain import pipeline
+from recon.terrain import curve_tiling
 from recon.terrain.evaluation import contour_distances, elevations, sampled_triangles
 from recon.terrain.merging import ruled_folds
 from recon.terrain.network import terrain_network
@@ -162,8 +162,8 @@ def test_curves_that_leave_the_map_are_fitted_again_before_they_are_tiled(monkey
         tried.append(arguments)
         return with_free_vertices(*arguments)
 
-    monkeypatch.setattr(pipeline, "ContourFits", AstrayOnce)
-    monkeypatch.setattr(pipeline, "with_free_vertices", counted)
+    monkeypatch.setattr(curve_tiling, "ContourFits", AstrayOnce)
+    monkeypatch.setattr(curve_tiling, "with_free_vertices", counted)
     beside = np.column_stack([np.full(60, 597.0), np.linspace(5.0, 595.0, 60)])
     middle = np.column_stack([np.linspace(0.0, 600.0, 60), np.full(60, 300.0)])[:50]
     terrain_surface(ContourMap([beside, middle], [10.0, 20.0], [[0.0, 0.0], [600.0, 600.0]]))
