@@ -17,6 +17,7 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
 from recon.numerics.distance import TriangleTree
 from recon.numerics.halfedges import edge_table
+from recon.numerics.self_intersection import crossing_triangles
 
 __all__ = ["covered_tips"]
 
@@ -29,16 +30,29 @@ PASSES = 8  # of wrapping after each
 
 
 def covered_tips(mesh: ControlMesh, scan: TriangleMesh) -> ControlMesh:
-    """The mesh of quadrilaterals, wrapped over the scan, with more of them where it does not reach the scan's tips."""
+    """The mesh of quadrilaterals, wrapped over the scan, with more of them where it does not reach the scan's tips.
+
+    Promises  no more of its triangles cut each other than before.
+    """
     table = edge_table(scan.face_vertices)
     ones, n = np.ones(len(table.edges)), scan.n_vertices
     neighbours = sparse.csr_array((ones, (table.edges[:, 0], table.edges[:, 1])), shape=(n, n))
+    cuts = _n_crossing(mesh)
     for _ in range(TIMES):
         over = _faces_over_tips(mesh, scan.vertices, neighbours)
         if not len(over):
             break
-        mesh = wrapped(inset(mesh, over), scan, PASSES)
+        grown = wrapped(inset(mesh, over), scan, PASSES)
+        if (cuts_then := _n_crossing(grown)) > cuts:  # they tangle rather than reach out
+            break
+        mesh, cuts = grown, cuts_then
     return mesh
+
+
+def _n_crossing(mesh: ControlMesh) -> int:
+    """Pairs of triangles of the mesh that cut each other."""
+    triangles = mesh.triangle_mesh()
+    return len(crossing_triangles(triangles.vertices, triangles.face_vertices)[0])
 
 
 def _faces_over_tips(mesh: ControlMesh, points: Floats, neighbours: sparse.csr_array) -> Ints:
