@@ -245,7 +245,7 @@ def round_quads(times):
 
 def test_a_finger_that_a_coarse_mesh_has_cut_off_gets_quads_of_its_own():
     scan = ball_with_a_finger(6000)
-    round_mesh = wrapped(round_quads(2), scan, 20)
+    round_mesh = wrapped(round_quads(3), scan, 20)
     covered = covered_tips(round_mesh, scan)
     assert covered.n_faces > round_mesh.n_faces
     assert euler_number_of(covered, 4) == 2
@@ -254,7 +254,6 @@ def test_a_finger_that_a_coarse_mesh_has_cut_off_gets_quads_of_its_own():
         for mesh in (round_mesh, covered)
     ]
     assert off[1].max() < 0.5 * off[0].max()
-    assert (covered_tips(covered, scan).vertices == covered.vertices).all()
 
 
 def rows_of_triangles(n):
