@@ -161,10 +161,11 @@ def _loops(uses: EdgeUses, ends: Ints) -> list[list[Ints]] | None:
     end = np.where(uses.forward, ends[uses.edge, 1], ends[uses.edge, 0]).tolist()
     found = []
     for number, face in enumerate(uses.faces):
-        rows = order[first[number] : first[number + 1]]
+        rows = order[first[number] : first[number + 1]].tolist()
         if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED:
-            rows = rows[::-1]  # a face that is turned over shows its wires turned over, in the order of its surface
-        loops = _closed(rows.tolist(), start, end)
+            # a face that is turned over shows its wires turned over, in the order of its surface; once read it does not
+            rows = rows[::-1]
+        loops = _closed(rows, start, end) or _closed(rows[::-1], start, end)
         if loops is None:
             return None
         found.append(loops)

@@ -62,7 +62,9 @@ class Survey:
             counts = np.diff(first)[group.faces]
             for count in np.unique(counts[counts > 1]).tolist():
                 faces = group.faces[counts == count]
-                found[faces] = self._goes_around(order[first[faces][:, None] + np.arange(count)], group)
+                rows = order[first[faces][:, None] + np.arange(count)]
+                # a face that is turned over has its uses in the order of its surface, or the other way once it was read
+                found[faces] = self._goes_around(rows, group) | self._goes_around(rows[:, ::-1], group)
         return found
 
     def _in_face_order(self) -> tuple[Ints, Ints]:

@@ -7,6 +7,7 @@ from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
 from OCP.TopoDS import TopoDS
+from quad_meshes import with_handles
 
 from brep_export.blocks import block_solid, side_by_side
 from brep_export.check import ShapeKind, check
@@ -15,6 +16,7 @@ from brep_export.check_topology import sub_shapes
 from brep_export.file_header import FileHeader, LengthUnit
 from brep_export.infinity import infinity_is_outside
 from brep_export.measures import measure
+from brep_export.mosaics import mosaic_shape
 from brep_export.read_back import read_cad
 from brep_export.shells import network_shell
 from brep_export.spline_cones import is_whole
@@ -22,7 +24,9 @@ from brep_export.spline_step import write_spline_text
 from brep_export.step import StepSchema, write_step
 from brep_export.survey import survey
 from recon.geometry.bspline import BSplineSurface
+from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.patches import PatchNetwork, connect
+from recon.subdivision.quad_faces import catmull_clark_faces
 from recon.tolerance import Tolerance
 
 TOLERANCE = Tolerance(merge=1e-6, fit=1e-3)
@@ -124,6 +128,17 @@ def test_whole_faces_are_those_of_a_face_by_face_look(name):
     grouped = seen.nets.grouped()
     for face, in_group, whole in zip(seen.uses.faces, grouped, seen.whole()):
         assert whole == (bool(in_group) and is_whole(face, BRep_Tool.Surface_s(face)))
+
+
+def test_faces_that_are_turned_over_are_whole_also_once_they_were_read(tmp_path):
+    outside_in = with_handles(1)
+    mesh = ControlMesh.from_faces(outside_in.vertices, outside_in.faces_of(4)[:, ::-1])
+    shape = mosaic_shape(catmull_clark_faces(mesh, grouped=False).mosaic, TOLERANCE)
+    path = tmp_path / "part.step"
+    for _ in range(2):  # as it was made, and as it was read
+        assert survey(shape).whole().all()
+        assert write_spline_text(shape, path, FileHeader(), measure(shape))
+        shape = read_cad(path)
 
 
 @pytest.mark.parametrize("name", SOUND)
