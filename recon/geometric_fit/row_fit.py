@@ -26,7 +26,6 @@ from recon.geometric_fit.tips import covered_tips
 from recon.geometric_fit.wrapping import wrapped
 from recon.geometry.control_mesh import ControlMesh
 from recon.geometry.mesh import TriangleMesh
-from recon.numerics.distance import TriangleTree
 from recon.subdivision.limit_surface import Scheme, limit_patches
 from recon.subdivision.polygons import split_polygons
 
@@ -34,9 +33,11 @@ __all__ = ["fit_rows"]
 
 SHARE, MOST = 3, 30_000  # control points where nobody asks: a third of the scan's, more where it is rich in detail
 COARSE, MOST_COARSE = 20, 6_500  # quads to begin with: a twentieth of the scan's points, but no more
+FIRST_COARSE = 1_800  # quads of the first attempt at the most
 FINEST = 6  # points of the scan a quad, at the least
-CLOSE = 6.5e-4  # of the diagonal: how near the coarse mesh is to come to the scan where nobody asks for a number
+NEAR = 0.015  # per cent of the diagonal: how near in the mean square a fit is to come where nobody asks for a number
 DENSIFYING, FASTER = 1.5, (1.3, 4.0)  # quads grow with that power of what it is too far off, so much at a time
+WORTH = 0.7  # of the error before: what more quads have to come to
 SPARE = 1.15  # times the control points of the coarse mesh cut in four, of which the last go where the error is
 FEWEST = 50  # quads; a mesh for fewer control points than four times that begins with all of them
 PASSES = (20, 10)  # of wrapping, before the quads are cut in four and after
@@ -54,9 +55,8 @@ def fit_rows(
     whole, _ = close_holes(scan) if options.close else (scan, 0)
     if options.control_points is not None:
         return _fit(scan, whole, _laid_over(whole, options.control_points, doing), options, doing)
-    mesh = _detailed(whole, doing)
-    count = min(max(scan.n_vertices // SHARE, round(SPARE * mesh.n_vertices)), MOST)
-    fitted = _fit(scan, whole, mesh, replace(options, control_points=count), doing)
+    fitted = _detailed(scan, whole, options, doing)
+    count = max(fitted.mesh.n_vertices, scan.n_vertices // SHARE)
     while not _is_near(fitted, options) and 2 * count <= scan.n_vertices:
         count *= 2
         asked = replace(options, control_points=count)
@@ -84,21 +84,23 @@ def _from(options: FitOptions, mesh: ControlMesh) -> FitOptions:
     return replace(options, start=mesh, plain=True, control_points=mesh.n_vertices)
 
 
-def _detailed(scan: TriangleMesh, doing: Callable[[str], None]) -> ControlMesh:
-    """As many quads in rows over the scan as its detail asks for.
-
-    Raises  NoControlMesh when the rows come out torn, however many there are.
-    """
+def _detailed(
+    scan: TriangleMesh, whole: TriangleMesh, options: FitOptions, doing: Callable[[str], None]
+) -> FittedSurface:
+    """The fit with as many quads as the scan's detail asks for: more where it does not come near, if they help."""
     most = min(max(scan.n_vertices // FINEST, FEWEST), MOST_COARSE)
-    n_quads = min(max(scan.n_vertices // COARSE, FEWEST), most)
-    diagonal = float(np.linalg.norm(np.ptp(scan.vertices, axis=0)))
+    n_quads = min(max(scan.n_vertices // COARSE, FEWEST), FIRST_COARSE, most)
+    best: FittedSurface | None = None
     while True:
-        mesh = _over_tips(_rows(scan, n_quads, doing), scan)
-        off = _rms_distance(scan, mesh) / (CLOSE * diagonal)
+        mesh = wrapped(split_polygons(_over_tips(_rows(whole, n_quads, doing), whole)), whole, PASSES[1])
+        count = min(max(scan.n_vertices // SHARE, round(SPARE * mesh.n_vertices)), MOST)
+        fitted = _fit(scan, whole, mesh, replace(options, control_points=count), doing)
+        if best is not None and fitted.errors.rms > WORTH * best.errors.rms:
+            return best
+        best, off = fitted, fitted.errors.rms / NEAR
         if off <= 1.0 or n_quads >= most:
-            break
+            return best
         n_quads = min(int(n_quads * np.clip(off**DENSIFYING, *FASTER)), most)
-    return wrapped(split_polygons(mesh), scan, PASSES[1])
 
 
 def _laid_over(scan: TriangleMesh, count: int, doing: Callable[[str], None]) -> ControlMesh:
@@ -131,11 +133,6 @@ def _rows(scan: TriangleMesh, n_quads: int, doing: Callable[[str], None]) -> Con
         except NoControlMesh:
             n_quads = int(DENSER * n_quads)
     return remeshed_quads(scan, n_quads)
-
-
-def _rms_distance(scan: TriangleMesh, mesh: ControlMesh) -> float:
-    tree = TriangleTree(mesh.vertices, mesh.triangle_mesh().face_vertices)
-    return float(np.sqrt(np.mean(tree.closest(scan.vertices[np.unique(scan.face_vertices)]).distances ** 2)))
 
 
 def _squares(scan: TriangleMesh, mesh: ControlMesh) -> NDArray[np.float64]:

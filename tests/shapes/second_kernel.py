@@ -13,7 +13,7 @@ from brep_export.read_back import STEP_ENDINGS, read_cad
 from recon.errors import ReconError
 
 LARGEST = 3_000_000  # bytes
-AGREEMENT = 1e-3  # of the volume: the other kernel integrates over triangles
+AGREEMENT = 5e-3  # of the volume: the other kernel integrates over triangles, coarse ones on trimmed faces
 
 
 @pytest.fixture(autouse=True)
