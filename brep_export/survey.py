@@ -64,7 +64,7 @@ class Survey:
                 faces = group.faces[counts == count]
                 rows = order[first[faces][:, None] + np.arange(count)]
                 # a face that is turned over has its uses in the order of its surface, or the other way once it was read
-                found[faces] = self._goes_around(rows, group) | self._goes_around(rows[:, ::-1], group)
+                found[faces] = self._goes_around(rows, group) | self._goes_around(rows[:, ::-1], group, joined=True)
         return found
 
     def _in_face_order(self) -> tuple[Ints, Ints]:
@@ -72,8 +72,11 @@ class Survey:
         order = np.argsort(self.uses.face, kind="stable")
         return order, np.searchsorted(self.uses.face[order], np.arange(self.nets.n_faces + 1))
 
-    def _goes_around(self, rows: Ints, group: NetGroup) -> Flags:
-        """(n,) of the faces with the uses (n, k)."""
+    def _goes_around(self, rows: Ints, group: NetGroup, *, joined: bool = False) -> Flags:
+        """(n,) of the faces with the uses (n, k).
+
+        joined  whether every use has to begin where the one before ends: else they may be a collapsed side apart
+        """
         low = np.array([knots[0] for knots in group.knots])
         high = np.array([knots[-1] for knots in group.knots])
         ends = (self.ends[rows] - low) / (high - low)
@@ -86,6 +89,8 @@ class Survey:
         same = np.abs(corners - following) < NEAR_BORDER
         at_border = (np.abs(corners) < ON_BORDER) | (np.abs(corners - 1.0) < ON_BORDER)
         along = (same & at_border).any(axis=2).all(axis=1)
+        if joined:
+            along &= same[:, 1::2].all(axis=(1, 2))
         x, y = np.moveaxis(corners, -1, 0)
         to_x, to_y = np.moveaxis(following, -1, 0)
         area = 0.5 * (x * to_y - y * to_x).sum(axis=1)
