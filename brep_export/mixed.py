@@ -29,13 +29,13 @@ from OCP.ShapeBuild import ShapeBuild_ReShape
 from OCP.ShapeFix import ShapeFix_Face
 from OCP.TColgp import TColgp_HArray1OfPnt
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Shape, TopoDS_Shell, TopoDS_Vertex
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape, TopoDS_Vertex
 
 from brep_export.check_topology import sub_shapes
 from brep_export.faces import BUILDER, KERNEL_TOLERANCE, SPARE, make_edge, make_face, make_vertex, make_wire, turned
 from brep_export.kernel_settings import KERNEL_FAILURES
 from brep_export.shells import make_shell
-from brep_export.solids import solid_of
+from brep_export.solids import signed_volume, solids_of
 from recon.errors import NoSolid
 from recon.geometry.analytic import AnalyticSurface, Cone, Cylinder, Plane, Sphere
 from recon.geometry.mixed import MixedBoundary, MixedEdge, MixedFace
@@ -63,23 +63,8 @@ def mixed_solid(boundary: MixedBoundary) -> TopoDS_Shape:
     Raises  RefusedFaces naming the surfaces on which the kernel makes no sound face; NoSolid.
     """
     faces = _faces(boundary)
-    solids = []
-    for body in boundary.bodies:
-        shells = [make_shell([faces[f] for f in shell], closed=True) for shell in body]
-        solids.append(solid_of([(shell, _volume(shell)) for shell in shells], "mixed boundary"))
-    if len(solids) == 1:
-        return solids[0]
-    compound = TopoDS_Compound()
-    BUILDER.MakeCompound(compound)
-    for solid in solids:
-        BUILDER.Add(compound, solid)
-    return compound
-
-
-def _volume(shell: TopoDS_Shell) -> float:
-    properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shell, properties)
-    return float(properties.Mass())
+    bodies = [[make_shell([faces[f] for f in shell], closed=True) for shell in body] for body in boundary.bodies]
+    return solids_of([[(shell, signed_volume(shell)) for shell in body] for body in bodies], "mixed boundary")
 
 
 def _faces(boundary: MixedBoundary) -> list[TopoDS_Shape]:

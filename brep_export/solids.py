@@ -47,7 +47,17 @@ from recon.geometry.polyhedron import Polyhedron, merge_coplanar, mesh_bodies
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
 from recon.tolerance import Tolerance
 
-__all__ = ["polyhedron_solid", "triangle_solid", "mesh_solid", "network_solid", "solid_of", "thick_solid", "lip_solid"]
+__all__ = [
+    "polyhedron_solid",
+    "triangle_solid",
+    "mesh_solid",
+    "network_solid",
+    "signed_volume",
+    "solid_of",
+    "solids_of",
+    "thick_solid",
+    "lip_solid",
+]
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +69,7 @@ def polyhedron_solid(polyhedron: Polyhedron) -> TopoDS_Solid | TopoDS_Compound:
     Raises    NotManifold naming a place, when an edge is not run through once in each direction, or a body's volume is
               not positive, or a void's not negative.
     """
-    return _solids(
+    return solids_of(
         [
             [
                 planar_shell(polyhedron.vertices, _loops([polyhedron.faces[f].loops for f in shell]), "polyhedron")
@@ -86,7 +96,7 @@ def triangle_solid(mesh: TriangleMesh) -> TopoDS_Solid | TopoDS_Compound:
     Promises  faces outward, voids as inner shells; shared vertices and edges; no pcurves, planes need none.
     Raises    NotManifold naming a place, when the mesh is not closed, not oriented outward, or a triangle has no area.
     """
-    return _solids(
+    return solids_of(
         [
             [planar_shell(mesh.vertices, _triangle_loops(mesh, members), mesh.name) for members in body]
             for body in mesh_bodies(mesh)
@@ -108,7 +118,8 @@ def mesh_solid(mesh: TriangleMesh, tolerance: Tolerance) -> TopoDS_Solid | TopoD
     return polyhedron_solid(merge_coplanar(mesh, tolerance.merge))
 
 
-def _solids(bodies: list[list[tuple[TopoDS_Shell, float]]], what: str) -> TopoDS_Solid | TopoDS_Compound:
+def solids_of(bodies: list[list[tuple[TopoDS_Shell, float]]], what: str) -> TopoDS_Solid | TopoDS_Compound:
+    """One solid a body, given by its shells as for `solid_of`, whose errors it raises; a compound of several."""
     solids = [solid_of(body, what) for body in bodies]
     if len(solids) == 1:
         return solids[0]
@@ -141,7 +152,7 @@ def network_solid(network: PatchNetwork, tolerance: Tolerance) -> TopoDS_Solid:
     """
     shell = network_shell(network, tolerance)
     _refuse_open(network)
-    volume = _volume(shell)
+    volume = signed_volume(shell)
     if volume < 0:
         shell = make_shell([face.Reversed() for face in _faces(shell)], closed=True)
     return solid_of([(shell, abs(volume))], "patch network")
@@ -173,7 +184,7 @@ def _parts(pairs: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def _volume(shape: TopoDS_Shape) -> float:
+def signed_volume(shape: TopoDS_Shape) -> float:
     """Signed volume by the kernel's plain quadrature: good enough for its sign."""
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(shape, properties)
@@ -219,7 +230,7 @@ def thick_solid(piece: ThickPiece, tolerance: Tolerance) -> TopoDS_Solid:
         *(_wall_face(walls[k], (rims[0][k], crosses[(k + 1) % n], rims[1][k], crosses[k])) for k in range(n)),
     ]
     shell = make_shell(faces, closed=True)
-    return solid_of([(shell, _volume(shell))], "thick piece")
+    return solid_of([(shell, signed_volume(shell))], "thick piece")
 
 
 def _corners(walls: tuple[BSplineSurface, ...], row: int) -> Floats:
@@ -304,7 +315,7 @@ def lip_solid(piece: LipPiece, tolerance: Tolerance) -> TopoDS_Solid:
         *(_wall_face(walls[k], (rims[0][k], crosses[k + 1], rims[1][k], crosses[k])) for k in range(n)),
     ]
     shell = make_shell(faces, closed=True)
-    return solid_of([(shell, _volume(shell))], "piece of the rim")
+    return solid_of([(shell, signed_volume(shell))], "piece of the rim")
 
 
 def _border(wall: BSplineSurface, row: int, ends: list[TopoDS_Vertex]) -> TopoDS_Edge:

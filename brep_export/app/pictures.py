@@ -157,7 +157,7 @@ def _add(plotter: pyvista.Plotter, part: Part) -> None:
     shown: dict[str, Any] = {"color": part.colour}
     if part.values is not None:
         shown = {"scalars": part.values, "cmap": COLOURS, "clim": _limits(part.values), "show_scalar_bar": True}
-        shown["scalar_bar_args"] = {"title": part.scale, "color": "#333333", "fmt": "%.2f", "n_labels": 4}
+        shown["scalar_bar_args"] = {"title": part.scale, "color": "#333333", "fmt": "%.2g", "n_labels": 4}
     plotter.add_mesh(
         surface,
         **shown,

@@ -40,6 +40,7 @@ from recon.subdivision.caps import (
     probed,
 )
 from recon.subdivision.evaluation import PatchArrays
+from recon.subdivision.quintic_splines import DEGREE
 from recon.subdivision.sheets import Sheets, VertexKind
 
 __all__ = ["cap_nets"]
@@ -47,7 +48,6 @@ __all__ = ["cap_nets"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-DEGREE = 5
 SAMPLES = 8
 QUINTIC = {size: degree_elevation(size - 1, DEGREE) @ points for size, points in BEZIER.items()}
 

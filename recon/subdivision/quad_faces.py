@@ -33,7 +33,7 @@ from recon.subdivision.limit_tables import CATMULL_CLARK
 from recon.subdivision.mosaic import Strip, Tile, joined
 from recon.subdivision.polygons import MAX_FACES
 from recon.subdivision.quad_caps import QUINTIC, cap_nets
-from recon.subdivision.quintic_splines import quintic_spline
+from recon.subdivision.quintic_splines import DEGREE, quintic_spline
 from recon.subdivision.rectangles import Rectangle, rectangles
 from recon.subdivision.sheets import Sheets, fan_corners
 from recon.subdivision.tracks import tracks
@@ -190,7 +190,10 @@ def _capped(box: Rectangle, surface: tuple[Ints, Floats], nets: Floats, place: I
     knots_u, along_u = quintic_spline(across)
     curves = patches[:, 0, :, 0], patches[-1, :, 5, :], patches[:, -1, :, 5], patches[0, :, 0, :]
     return Tile(
-        BSplineSurface(5, 5, knots_u, knots_v, along_u), _strips(box.faces, box.turns), curves, _part_of_quintics
+        BSplineSurface(DEGREE, DEGREE, knots_u, knots_v, along_u),
+        _strips(box.faces, box.turns),
+        curves,
+        _part_of_quintics,
     )
 
 
@@ -200,7 +203,7 @@ def _turned_net(net: Floats, turn: int) -> Floats:
 
 
 def _part_of_quintics(pieces: Floats, start: int, end: int) -> BSplineCurve:
-    return BSplineCurve(5, *quintic_spline(pieces[start:end]))
+    return BSplineCurve(DEGREE, *quintic_spline(pieces[start:end]))
 
 
 def _strips(faces: Ints, turns: Ints) -> tuple[Strip, ...]:
