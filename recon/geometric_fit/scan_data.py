@@ -139,21 +139,30 @@ class ScanData:
         return fold_places(self.as_measured.vertices, self.as_measured.face_vertices)
 
 
-def scan_data(mesh: TriangleMesh, n_control: int, *, sharp: SharpScan | None = None, n_measured: int = -1) -> ScanData:
+def scan_data(
+    mesh: TriangleMesh,
+    n_control: int,
+    *,
+    sharp: SharpScan | None = None,
+    n_measured: int = -1,
+    n_sampled: int = -1,
+    fill_weight: float = SAMPLE_WEIGHT,
+) -> ScanData:
     """The points to fit with about `n_control` control points; triangles as large as a control face are sampled.
 
-    mesh        the scan; vertices that no face uses are left out
-    sharp       the same with its edges put back; None: it has none
-    n_measured  vertices from here on fill holes, and weigh as little as samples, as do those put back; -1: none do
+    mesh         the scan; vertices that no face uses are left out
+    sharp        the same with its edges put back; None: it has none
+    n_measured   vertices from here on fill holes, and weigh `fill_weight`, as do those put back; -1: none do
+    n_sampled    faces from here on fill holes, and are not sampled, however large; -1: none do
     """
     as_measured = mesh
     mesh, sharp_edges = sharp or SharpScan(mesh, np.empty((0, 2), dtype=np.int64))
     used = np.flatnonzero(_is_used(mesh))
     normals = vertex_normals(mesh.vertices, mesh.face_vertices).astype(np.float32)[used]
     vertices = _chosen(mesh.vertices, used)
-    samples, face = _samples_on_large(mesh, n_control)
+    samples, face = _samples_on_large(mesh, n_control, mesh.n_faces if n_sampled < 0 else n_sampled)
     measured = used < (as_measured.n_vertices if n_measured < 0 else n_measured)
-    weights = np.where(measured, 1.0, SAMPLE_WEIGHT)
+    weights = np.where(measured, 1.0, fill_weight)
     if len(samples):
         a, b, c = mesh.vertices[mesh.face_vertices[face]].transpose(1, 0, 2)
         vertices = np.concatenate([vertices, samples])
@@ -177,13 +186,15 @@ def _chosen(rows: Floats, which: Ints) -> Floats:
     return rows if len(which) == len(rows) else rows[which]
 
 
-def _samples_on_large(mesh: TriangleMesh, n_control: int) -> tuple[Floats, Ints]:
-    """(m, 3) points half a control edge apart inside every triangle with a side above one, and (m,) their faces."""
+def _samples_on_large(mesh: TriangleMesh, n_control: int, n_sampled: int) -> tuple[Floats, Ints]:
+    """(m, 3) points half a control edge apart inside those of the first triangles with a side above one, and (m,)
+    their faces."""
     longest, area = longest_sides(mesh.vertices, mesh.face_vertices)
     # a control face of an even mesh: twice as many faces as points
     control_edge = np.sqrt(area / (2.0 * n_control) * 4.0 / np.sqrt(3.0))
     pieces = np.clip(np.ceil(2.0 * longest / control_edge), 1, MOST_PIECES).astype(np.int64)
     pieces[longest <= control_edge] = 1
+    pieces[n_sampled:] = 1
     points, faces = [np.empty((0, 3))], [np.empty(0, dtype=np.int64)]
     for n in np.unique(pieces[pieces > 1]).tolist():
         chosen = np.flatnonzero(pieces == n)

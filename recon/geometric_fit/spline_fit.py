@@ -50,8 +50,10 @@ Ints = NDArray[np.int64]
 FIRST_SHARE = 0.6  # of the control points are there from the start, the others come where the error is
 COARSEST = 8  # spans of the first net at most, in each direction
 ROUNDS = 3  # before each refinement
+FILL_WEIGHT = 1e-4  # of what is laid over holes: it may be squeezed into a few spans, beside those of the scan
 FAIRNESS = 1e-3  # weight of the net's energy, as a share of the data's
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
+STIFFENING, STIFFENINGS = 2.0, 10  # before the first round: times stiffer, and how often at most
 EASING = 1.4  # times less stiff a round where it would not
 
 
@@ -87,7 +89,9 @@ class _SheetFit:
         mesh = TriangleMesh((sheet.mesh.vertices - self._middle) / self._diagonal, sheet.mesh.face_vertices)
         self._limit = _most_control_points(len(measured), options)
         self._growth = Growth(options.control_points, options.tolerance, options.plain, self._limit)
-        self._scan = scan_data(mesh, self._limit, n_measured=len(measured))
+        self._scan = scan_data(
+            mesh, self._limit, n_measured=len(measured), n_sampled=sheet.n_faces, fill_weight=FILL_WEIGHT
+        )
         self._rims = np.concatenate(sheet.rims) if sheet.kind is ScanKind.CYLINDER else np.empty(0, dtype=np.int64)
         self._sides, self._stretch = flat.sides, flat.stretch
         self._uv = np.concatenate([flat.places, _sample_places(self._scan, flat)])
@@ -125,17 +129,28 @@ class _SheetFit:
         for before, space in zip([spaces[0], *spaces], spaces):
             net = before.changed(space, net)
             net[..., 3] = 1.0
-            net[..., :3] += self._interpolating(space, net).reshape(net[..., :3].shape)
-        return spaces[-1], net
+            net = self._interpolating(space, net, np.full(space.n_control, self._usual(space)))
+        return spaces[-1], self._stiffened(spaces[-1], net)
 
-    def _interpolating(self, space: TensorSpace, net: Floats) -> Floats:
-        """Moves toward the surface nearest to the points at the places where they are."""
+    def _stiffened(self, space: TensorSpace, net: Floats) -> Floats:
+        """The net stiffer where it folds: smoothing it there would draw in whatever stands out of the scan."""
+        guards, stiffness = NetGuards(space, net[..., 3], self._scan, self._uv), np.full(space.n_control, 1.0)
+        for _ in range(STIFFENINGS):
+            folded = guards.folded(net[..., :3].reshape(-1, 3))
+            if not folded.any():
+                break
+            stiffness[guards.widened(folded)] *= STIFFENING
+            net = self._interpolating(space, net, stiffness * self._usual(space))
+        return net
+
+    def _interpolating(self, space: TensorSpace, net: Floats, stiffness: Floats) -> Floats:
+        """The net moved toward the surface nearest to the points at the places where they are."""
         scan, points = self._scan, net[..., :3].reshape(-1, 3)
         rows = net_rows(space, net, self._uv)
         residuals = scan.points - rows.matrix(space.n_control) @ points
-        metric = Metric(np.zeros_like(residuals), scan.weights, 1.0)
-        energy = NetEnergy(space).matrix(np.full(space.n_control, self._usual(space)))
-        return tangent_distance_move(rows, residuals, metric, energy, points, accuracy=1e-2, max_iterations=60)
+        metric, energy = Metric(np.zeros_like(residuals), scan.weights, 1.0), NetEnergy(space).matrix(stiffness)
+        move = tangent_distance_move(rows, residuals, metric, energy, points, accuracy=1e-2, max_iterations=60)
+        return _homogeneous(points + move, net[..., 3])
 
     def _first_count(self) -> int:
         if self._options.plain:

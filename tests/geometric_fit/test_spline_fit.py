@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hull_meshes import bumpy_ball
 from numpy.testing import assert_allclose
-from sheets import double_torus, pierced, sheet, torus, tube
+from sheets import cliff, double_torus, pierced, sheet, torus, tube
 
 from recon.errors import BadOption, NoSurface, NotManifold
 from recon.geometric_fit.convergence import StoppedBy
+from recon.geometric_fit.hole_filling import fill_loops
 from recon.geometric_fit.knot_gains import knot_gains
 from recon.geometric_fit.net_guards import NetEnergy, NetGuards
 from recon.geometric_fit.scan_data import fold_places, scan_data
@@ -22,6 +23,7 @@ from recon.geometric_fit.updates import Update
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import TrimmedSurface
 from recon.numerics.distance import closest_points
+from recon.numerics.halfedges import boundary_loops
 
 BREAKS = np.array([0.0, 0.13, 0.2, 0.45, 0.5, 0.77, 0.8, 1.0])
 SPACES = [
@@ -115,6 +117,26 @@ def test_a_surface_that_runs_around_is_smooth_over_its_seam(fits):
         assert_allclose(*ends, atol=1e-8)
         ends = [surface.derivative(np.stack([t, np.full(50, x)], axis=1), *order) for x in (0.0, 1.0)]
         assert_allclose(*ends, atol=1e-8)
+
+
+def test_what_is_laid_over_a_hole_draws_nothing_in():
+    scan = cliff()
+    fit = fit_sheet(scan, SplineOptions(control_points=1200))
+    assert len(fit.sheet.holes) == 1 and fit.folds == 0
+    assert fit.errors.maximum < 0.15
+    top = int(scan.vertices[:, 2].argmax())
+    assert fit.distances[top] < 1e-3 * fit.diagonal
+
+
+def test_faces_over_holes_are_not_sampled_and_weigh_what_is_asked():
+    scan = pierced(sheet(30), (HOLE[0], 0.7))
+    filled = fill_loops(scan, boundary_loops(scan.face_vertices)[-1:])
+    n, many = scan.n_vertices, 1500
+    whole = scan_data(filled, many, n_measured=n)
+    bare = scan_data(filled, many, n_measured=n, n_sampled=scan.n_faces, fill_weight=0.25)
+    assert len(whole.sampled_faces) > len(bare.sampled_faces) and bare.sampled_faces.max(initial=0) < scan.n_faces
+    assert_allclose(bare.weights[:n], 1.0)
+    assert_allclose(bare.weights[n : filled.n_vertices], 0.25)
 
 
 def test_noise_is_smoothed_and_not_followed():

@@ -29,6 +29,15 @@ def torus(n=50, noise=0.0, waves=0.1):
     return _grid(np.stack([out * np.cos(a), out * np.sin(a), r * np.sin(b)], axis=-1), (True, True), noise)
 
 
+def cliff(n=60):
+    """n x n points from above of a plain 2 by 2 and half a cone on it; the cliff where it ends has not been seen."""
+    x, y = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n), indexing="ij")
+    cone = 1.5 * np.maximum(1.0 - np.hypot(x, y) / 0.6, 0.0)
+    z = np.where(x < 0.0, cone, 0.0) + 0.05 * np.sin(7.0 * x) * np.cos(5.0 * y)
+    mesh = _grid(np.stack([x, y, z], axis=-1), (False, False), 0.0)
+    return mesh.part(np.ptp(mesh.vertices[mesh.face_vertices, 2], axis=1) < 16.0 / (n - 1))
+
+
 def pierced(mesh, *holes):
     """The mesh without the faces that have a corner within a radius of a point, for each (point, radius)."""
     kept = np.ones(mesh.n_faces, dtype=bool)
