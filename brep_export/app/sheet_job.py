@@ -57,7 +57,7 @@ def fit(request: Mapping[str, Any], bench: Bench) -> tuple[Exit, dict[str, Any],
         tolerance=tolerance_length(request["tolerance"], scan.mesh.vertices),
         update=Update(request["update"]),
         plain=request["plain"],
-        rounds=request["rounds"],
+        rounds=request["rounds"] or SplineOptions.rounds,
         robust=request["robust"],
     )
     with bench.phase("reconstruct", "fitting the surface"):

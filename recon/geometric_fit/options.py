@@ -25,7 +25,7 @@ class FitOptions:
     tolerance       length that no data point may be off by; None: no limit
     update          the rule by which control points move
     plain           all control points from the start, no refinement and no reweighting
-    rounds          on the last control mesh
+    rounds          on the last control mesh; None: 6, or 12 of a refined one without sharp edges
     crease_angle    radians between two faces from which on an edge of the scan stays sharp, unless the fit is nearer
                     without any sharp edge; pi: nowhere
     close           fill the holes of the scan first
@@ -39,7 +39,7 @@ class FitOptions:
     tolerance: float | None = None
     update: Update = Update.TANGENT
     plain: bool = False
-    rounds: int = 6
+    rounds: int | None = None
     crease_angle: float = np.radians(40.0)
     close: bool = False
     robust: bool = False
@@ -48,7 +48,7 @@ class FitOptions:
     def __post_init__(self) -> None:
         if self.control_points is not None and self.control_points < 4:
             raise BadOption("--control-points", f"a closed surface needs 4, not {self.control_points}")
-        if self.rounds < 1:
+        if self.rounds is not None and self.rounds < 1:
             raise BadOption("--rounds", f"must be at least 1, not {self.rounds}")
         if self.tolerance is not None and not 0 < self.tolerance < np.inf:
             raise BadOption("--tolerance", f"must be a positive length, not {self.tolerance}")

@@ -10,7 +10,7 @@ Beside the paper: the rounds of a dense scan are on points that stand for others
 from cycle to cycle, and surface that strays from the scan or folds is pulled back (`guards`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -57,10 +57,12 @@ COARSEST = 0.5  # of them, or so many: a scan that is ragged still is rough, and
 FIRST_QUADS = 0.97  # of quadrilaterals: those are taken from a fit of triangles, which has put them in their places
 FIRST_SHARP_QUADS = 0.85  # of them where edges were put back: small faces that come later fold less
 ROUNDS = 4  # before each refinement
+FINAL_ROUNDS, REFINED_ROUNDS = 6, 12  # on the last control mesh where nobody says how many
 LAST_ROUNDS = 2  # when all points far off have joined the sample
 FAR = 2.0  # root mean squares from where on they do
 PEAK_SHARE = 0.3  # of the new points go to the largest errors, the others to the largest sums of squares
 FEWER = (1.0, 0.95, 0.9, 0.85, 0.8)  # of the control points asked for, where a surface with sharp edges folds
+FEW_FEWER = (1.0, 0.99, 0.97)  # the same of one without
 FOLD_COST = 3.0  # times the error: what a fit that folds must be better by than one that does not
 
 
@@ -89,35 +91,63 @@ def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[s
     A smooth scan has steep places, too, and edges drawn through them do harm. Edges that were put back stay: points
     that cut an edge off are nearer to a surface that does so, too.
     """
-    if options.crease_angle >= np.pi or options.start is not None:
+    if options.start is not None:
         return _Fit(scan, options, doing).run()
+    if options.crease_angle >= np.pi:
+        return _smooth(scan, options, doing)
     attempts: list[FittedSurface] = []
-    for attempt in _fewer(options):
+    for attempt in _fewer(options, FEWER):
         run = _Fit(scan, attempt, doing)
         try:
             found = run.run()
         except BadGeometry:  # edges that lie so close to each other that no limit is defined between them
             break
-        if not run.has_creases or (run.has_edges_put_back and not found.folds):
+        if not run.has_creases:
+            return _smooth(scan, options, doing, found)
+        if run.has_edges_put_back and not found.folds:
             return found
         attempts.append(found)
         if not run.has_edges_put_back:
             break
         doing("fitting again with fewer control points, as the surface folds at a sharp edge")
     doing("fitting again without sharp edges")
-    attempts.append(_Fit(scan, replace(options, crease_angle=float(np.pi)), doing).run())
-    return min(attempts, key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
+    return _best([*attempts, _smooth(scan, options, doing)])
 
 
-def _fewer(options: FitOptions) -> list[FitOptions]:
+def _smooth(
+    scan: TriangleMesh,
+    options: FitOptions,
+    doing: Callable[[str], None],
+    first: FittedSurface | None = None,
+) -> FittedSurface:
+    """The fit without sharp edges; a few more tries where it folds.
+
+    first  what the first try has come to, if it was made
+    """
+    attempts = [] if first is None else [first]
+    shares = FEWER[:1] if options.plain else FEW_FEWER
+    for attempt in _fewer(replace(options, crease_angle=float(np.pi)), shares)[len(attempts) :]:
+        if attempts and not attempts[-1].folds:
+            break
+        if attempts:
+            doing("fitting again with fewer control points, as the surface folds")
+        attempts.append(_Fit(scan, attempt, doing).run())
+    return _best(attempts)
+
+
+def _fewer(options: FitOptions, shares: Sequence[float]) -> list[FitOptions]:
     """What was asked for, then the same with somewhat fewer control points: other points, other triangles between them.
 
     Where no number was asked for there is nothing to take fewer of.
     """
     if options.control_points is None:
         return [options]
-    counts = (max(int(share * options.control_points), 4) for share in FEWER)
+    counts = (max(int(share * options.control_points), 4) for share in shares)
     return [replace(options, control_points=count) for count in counts]
+
+
+def _best(attempts: Sequence[FittedSurface]) -> FittedSurface:
+    return min(attempts, key=lambda fit: fit.errors.rms * (FOLD_COST if fit.folds else 1.0))
 
 
 class _Fit:
@@ -159,7 +189,7 @@ class _Fit:
         unfolded_mesh: ControlMesh | None = None
         while stopped is None:
             final = not grows or ground.mesh.n_vertices >= self._limit
-            n_rounds = self._options.rounds if final else ROUNDS
+            n_rounds = self._final_rounds() if final else ROUNDS
             n_last = min(LAST_ROUNDS, n_rounds - 1) if final and cycle and not sample.is_whole else 0
             ground, feet, weights = self._rounds.settled(
                 ground, sample, weights, n_rounds=n_rounds - n_last, start=start, reweighs=cycle > 0
@@ -197,6 +227,12 @@ class _Fit:
             self._doing("looking for surface that cuts itself")
             ground = ground._replace(mesh=without_crossings(ground.mesh, ground.patches))
         return self._finished(ground, found, stopped)
+
+    def _final_rounds(self) -> int:
+        """Rounds on the last control mesh; points that came late need more, but along sharp edges they stray then."""
+        if self._options.rounds is not None:
+            return self._options.rounds
+        return FINAL_ROUNDS if self._options.plain or self.has_edges_put_back else REFINED_ROUNDS
 
     def _seen(self, ground: Ground, sample: Sample, feet: Feet) -> Seen:
         """All points, from the feet of those that stand for them."""

@@ -67,7 +67,9 @@ def fit(
         float, typer.Option(help="Degrees by which tangent planes may differ along smooth edges.", min=1e-9)
     ] = 0.1,
     plain: Annotated[bool, typer.Option(help="All control points at once, no refinement.")] = False,
-    rounds: Annotated[int, typer.Option(help="Rounds on the last control mesh.", min=1)] = 6,
+    rounds: Annotated[
+        int | None, typer.Option(help="Rounds on the last control mesh; 6, or 12 of a smooth refined one.", min=1)
+    ] = None,
     crease_angle: Annotated[
         float,
         typer.Option(help="Degrees between two faces from which on an edge stays sharp; 180: none.", min=1, max=180),
