@@ -43,6 +43,8 @@ def read_scan(request: Mapping[str, Any], bench: Bench) -> Scan:
             if asked is None or asked >= file.mesh.n_vertices:
                 return Scan(file.mesh, "every point of the scan")
             large = MeshSource.of(file.mesh.vertices, file.mesh.face_vertices, file.mesh.name)
+        for note in large.notes:
+            bench.note(f"{path}: {note}", name="reading")
     with bench.phase("reconstruct", "thinning the scan"), calls(scheduler) as each:
         return _thinned(large, asked or LEFT, each, bench)
 
