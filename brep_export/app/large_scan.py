@@ -8,11 +8,11 @@ import numpy as np
 
 from brep_export.app.cluster_calls import Each, calls
 from brep_export.app.workshop import Bench
+from recon.geometric_fit.scan_cells import thinned_scan
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.mesh_source import MeshSource
 from recon.readers.mesh_windows import open_mesh
 from recon.readers.meshes import read_mesh
-from recon.voxel_mesh.scan_cells import thinned_scan
 
 __all__ = ["Scan", "read_scan"]
 
