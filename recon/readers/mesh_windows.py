@@ -22,7 +22,7 @@ from recon.readers.stl import mapped_corners
 __all__ = ["open_mesh"]
 
 PIECE = 1 << 20  # rows that are looked through at once
-AT_ONCE = 1 << 22  # corners whose places are compared at once, about
+AT_ONCE = 1 << 21  # corners whose places are compared at once, about
 
 
 def open_mesh(path: str | Path, *, unit: Unit | None = None, least: int) -> MeshSource | None:
