@@ -46,6 +46,7 @@ RUNS = {
     "voxel_blocks": Run("Voxels by blocks", ("192", "--block", "96")),
     "three_view": Run("Drawings to solids"),
     "kernel_door": Run("Building kernel solids"),
+    "leaks": Run("Job after job in one process"),
     "robustness": Run("Inputs drawn by chance"),
 }
 

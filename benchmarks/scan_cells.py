@@ -22,7 +22,7 @@ THIN = """
 import json, resource, sys, time
 import numpy as np
 from recon.readers.mesh_windows import open_mesh
-from recon.voxel_mesh.scan_cells import thinned_scan
+from recon.geometric_fit.scan_cells import thinned_scan
 from recon.voxel_mesh.topology import mesh_topology
 found = thinned_scan(open_mesh(sys.argv[1], least=1), int(sys.argv[2]))
 spent = resource.getrusage(resource.RUSAGE_SELF)

@@ -80,10 +80,17 @@ _RELATIONSHIPS = """<?xml version="1.0" encoding="UTF-8"?>
 
 def _write_3mf(mesh: TriangleMesh, path: Path, header: FileHeader) -> float:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as package:
-        package.writestr("[Content_Types].xml", _CONTENT_TYPES)
-        package.writestr("_rels/.rels", _RELATIONSHIPS)
-        package.writestr("3D/3dmodel.model", _three_mf_model(mesh, header))
+        _put(package, "[Content_Types].xml", _CONTENT_TYPES)
+        _put(package, "_rels/.rels", _RELATIONSHIPS)
+        _put(package, "3D/3dmodel.model", _three_mf_model(mesh, header))
     return 1.0
+
+
+def _put(package: zipfile.ZipFile, name: str, text: str) -> None:
+    """A part without the time of its writing, which would make other bytes of the same mesh."""
+    part = zipfile.ZipInfo(name)  # of 1980
+    part.external_attr = 0o644 << 16
+    package.writestr(part, text, zipfile.ZIP_DEFLATED)
 
 
 def _three_mf_model(mesh: TriangleMesh, header: FileHeader) -> str:

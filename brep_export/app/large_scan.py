@@ -8,11 +8,11 @@ import numpy as np
 
 from brep_export.app.cluster_calls import Each, calls
 from brep_export.app.workshop import Bench
+from recon.geometric_fit.scan_cells import thinned_scan
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.mesh_source import MeshSource
 from recon.readers.mesh_windows import open_mesh
 from recon.readers.meshes import read_mesh
-from recon.voxel_mesh.scan_cells import thinned_scan
 
 __all__ = ["Scan", "read_scan"]
 
@@ -43,6 +43,8 @@ def read_scan(request: Mapping[str, Any], bench: Bench) -> Scan:
             if asked is None or asked >= file.mesh.n_vertices:
                 return Scan(file.mesh, "every point of the scan")
             large = MeshSource.of(file.mesh.vertices, file.mesh.face_vertices, file.mesh.name)
+        for note in large.notes:
+            bench.note(f"{path}: {note}", name="reading")
     with bench.phase("reconstruct", "thinning the scan"), calls(scheduler) as each:
         return _thinned(large, asked or LEFT, each, bench)
 

@@ -29,7 +29,7 @@ from typing import Any
 from brep_export.orphans import die_with_parent
 from recon.errors import InputError, ReconError
 
-__all__ = ["Bench", "Exit", "Outcome", "run"]
+__all__ = ["Bench", "Exit", "Outcome", "run", "work_here"]
 
 
 class Exit(IntEnum):
@@ -185,20 +185,23 @@ def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
-    bench = Bench(pipe.send, frozenset(request.get("silence") or ()))
+    pipe.send(("outcome", work_here(job, request, Bench(pipe.send, frozenset(request.get("silence") or ())))))
+    pipe.close()
+
+
+def work_here(job: str, request: dict[str, Any], bench: Bench) -> Outcome:
+    """Run a job in this process; whatever it raises is said in the outcome."""
     try:
         module, function = job.split(":")
-        outcome = Outcome(*getattr(importlib.import_module(module), function)(request, bench))
+        return Outcome(*getattr(importlib.import_module(module), function)(request, bench))
     except ReconError as problem:
         status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
-        outcome = Outcome(status, reasons=(str(problem),), figures=dict(problem.figures))
+        return Outcome(status, reasons=(str(problem),), figures=dict(problem.figures))
     except MemoryError:
         reason = "not enough memory for this input; nothing was written."
-        outcome = Outcome(Exit.REFUSED, reasons=(reason,), cause="memory")
+        return Outcome(Exit.REFUSED, reasons=(reason,), cause="memory")
     except Exception as fault:  # noqa: BLE001 - the last door: a fault of our own must still end in a sentence
         place = traceback.extract_tb(fault.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
         reason = f"a fault in recon-brep itself ({type(fault).__name__}: {fault}; {where})"
-        outcome = Outcome(Exit.REFUSED, reasons=(reason,), trace=traceback.format_exc(), cause="fault")
-    pipe.send(("outcome", outcome))
-    pipe.close()
+        return Outcome(Exit.REFUSED, reasons=(reason,), trace=traceback.format_exc(), cause="fault")

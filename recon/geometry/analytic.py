@@ -2,6 +2,8 @@
 
 distance(points)  signed distance, positive on the side the normal looks to: outward for round ones
 normal(points)    (n, 3) unit normals there
+
+Fits make thousands of them, sound or not: they are checked when a boundary is made of them.
 """
 
 from dataclasses import dataclass, replace
@@ -10,7 +12,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["AnalyticSurface", "Blend", "Cone", "Cylinder", "Plane", "Sphere"]
+from recon.errors import BadGeometry
+from recon.geometry.arrays import frozen_floats
+
+__all__ = ["AnalyticSurface", "Blend", "Cone", "Cylinder", "Plane", "Sphere", "require_sound_surface"]
 
 Floats = NDArray[np.float64]
 
@@ -128,3 +133,19 @@ class Blend:
 
     def placed(self, turn: Floats, scale: float, shift: Floats) -> "Blend":
         return replace(self, radius=scale * self.radius, middle=shift + scale * turn @ self.middle)
+
+
+DIRECTIONS = ("normal_vector", "axis")  # of unit length
+LENGTHS = ("offset", "radius", "half_angle")
+
+
+def require_sound_surface(surface: AnalyticSurface, what: str) -> None:
+    """Raise BadGeometry unless points and directions are (3,), directions of unit length, and sizes positive."""
+    for name, value in vars(surface).items():
+        number = frozen_floats(value, () if name in LENGTHS else (3,), f"{what}: {name}")
+        if name in DIRECTIONS and abs(np.linalg.norm(number) - 1.0) > 1e-6:
+            raise BadGeometry(what, f"its {name} is not of unit length")
+        if name in ("radius", "half_angle") and not number > 0:
+            raise BadGeometry(what, f"its {name} is not positive")
+    if isinstance(surface, Cone) and not surface.half_angle < np.pi / 2:
+        raise BadGeometry(what, "its half_angle is not below a right angle")

@@ -13,7 +13,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline, NdBSpline
 
 from recon.errors import BadGeometry
-from recon.geometry.arrays import frozen_floats
+from recon.geometry.arrays import frozen_floats, whole_number
 from recon.numerics.bspline_basis import basis_matrix
 
 __all__ = ["BSplineCurve", "BSplineSurface"]
@@ -23,10 +23,10 @@ SHORT = 64  # knots of a vector that is worth keeping
 
 
 def _checked_knots(knots: ArrayLike, degree: int, n_control: int, what: str) -> Floats:
-    row = np.asarray(knots)
-    if row.dtype != np.float64 or row.size > SHORT:
-        return _sound_knots(row, degree, n_control, what)
-    return _known_knots(row.tobytes(), row.shape, degree, n_control, what)
+    degree = whole_number(degree, f"{what}: degree", least=1)
+    if type(knots) is not np.ndarray or knots.dtype != np.float64 or knots.size > SHORT:
+        return _sound_knots(knots, degree, n_control, what)
+    return _known_knots(knots.tobytes(), knots.shape, degree, n_control, what)
 
 
 @lru_cache(maxsize=256)  # the thousands of patches of a network have a handful of knot vectors
@@ -34,10 +34,8 @@ def _known_knots(content: bytes, shape: tuple[int, ...], degree: int, n_control:
     return _sound_knots(np.frombuffer(content).reshape(shape), degree, n_control, what)
 
 
-def _sound_knots(knots: Floats, degree: int, n_control: int, what: str) -> Floats:
+def _sound_knots(knots: ArrayLike, degree: int, n_control: int, what: str) -> Floats:
     t = frozen_floats(knots, (None,), what)
-    if degree < 1:
-        raise BadGeometry(what, f"degree {degree} is below 1")
     if len(t) != n_control + degree + 1:
         raise BadGeometry(
             what, f"{len(t)} knots where {n_control} control points of degree {degree} need {n_control + degree + 1}"
@@ -76,6 +74,8 @@ class BSplineCurve:
 
     def __post_init__(self) -> None:
         points = frozen_floats(self.control_points, (None, None), "curve: control_points")
+        if points.shape[1] not in (2, 3):
+            raise BadGeometry("curve", f"has control points of {points.shape[1]} coordinates where 2 or 3 are needed")
         object.__setattr__(self, "control_points", points)
         object.__setattr__(self, "knots", _checked_knots(self.knots, self.degree, len(points), "curve: knots"))
         object.__setattr__(self, "weights", _checked_weights(self.weights, (len(points),), "curve: weights"))

@@ -31,6 +31,7 @@ Floats = NDArray[np.float64]
 
 RATIONAL = 8  # more points a span where the surface is a quotient: a quarter circle to 1e-12
 ALONG = 4  # points a piece of a loop
+SHORT = 64  # knots of a vector whose rule is worth keeping: those of long ones, a face each, would fill the memory
 AT_ONCE = 2048  # rows of constant v, which bounds the memory
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -43,8 +44,8 @@ def cone_volume(surface: BSplineSurface, apex: ArrayLike = ORIGIN) -> float:
     """
     net = _homogeneous(surface, apex)
     more = 0 if surface.weights is None else RATIONAL
-    u, slope_u, weight_u = _rule(surface.degree_u, surface.knots_u.tobytes(), more)
-    v, slope_v, weight_v = _rule(surface.degree_v, surface.knots_v.tobytes(), more)
+    u, slope_u, weight_u = _rule(surface.degree_u, surface.knots_u, more)
+    v, slope_v, weight_v = _rule(surface.degree_v, surface.knots_v, more)
     rows, rows_u = (np.tensordot(b, net, axes=1) for b in (u, slope_u))
     s, s_u, s_v = (
         np.tensordot(r, b, axes=(1, 1)) for r, b in ((rows, v), (rows_u, v), (rows, slope_v))
@@ -60,7 +61,7 @@ def surface_moments(nets: Floats, degrees: tuple[int, int], knots: tuple[Floats,
     Returns   (n, 8) area, area times its centre (3), signed volume of the cone, volume times its centre (3)
     Promises  volumes exact to rounding; areas and volumes' centres by a rule of 1.5 points a degree and span.
     """
-    (u, slope_u, weight_u), (v, slope_v, weight_v) = (_rule(p, t.tobytes(), 0) for p, t in zip(degrees, knots))
+    (u, slope_u, weight_u), (v, slope_v, weight_v) = (_rule(p, t, 0) for p, t in zip(degrees, knots))
     s, s_u, s_v = (
         np.einsum("iu,nuvd,jv->dnij", a, nets, b, optimize=True) for a, b in ((u, v), (slope_u, v), (u, slope_v))
     )
@@ -124,10 +125,17 @@ def _homogeneous(surface: BSplineSurface, apex: ArrayLike) -> Floats:
     return np.concatenate([away * scale[..., None], scale[..., None]], axis=2)
 
 
-@lru_cache(maxsize=256)
-def _rule(degree: int, knots: bytes, more: int) -> tuple[Floats, Floats, Floats]:
+def _rule(degree: int, knots: Floats, more: int) -> tuple[Floats, Floats, Floats]:
     """Basis (k, n), its derivative (k, n) and weights (k,) at the points of a rule over all spans of a knot vector."""
-    t = np.frombuffer(knots)
+    return _kept_rule(degree, knots.tobytes(), more) if len(knots) <= SHORT else _made_rule(degree, knots, more)
+
+
+@lru_cache(maxsize=256)
+def _kept_rule(degree: int, knots: bytes, more: int) -> tuple[Floats, Floats, Floats]:
+    return _made_rule(degree, np.frombuffer(knots), more)
+
+
+def _made_rule(degree: int, t: Floats, more: int) -> tuple[Floats, Floats, Floats]:
     points, weights = _gauss(np.unique(t), ceil(1.5 * degree) + more)
     return basis_matrix(t, degree, points).toarray(), basis_matrix(t, degree, points, 1).toarray(), weights
 

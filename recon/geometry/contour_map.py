@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from recon.errors import BadGeometry
 from recon.geometry.arrays import frozen_floats
 
-__all__ = ["ContourMap", "HeightGrid"]
+__all__ = ["ContourMap", "HeightGrid", "grid_axis"]
 
 Floats = NDArray[np.float64]
 
@@ -53,19 +53,20 @@ class ContourMap:
             raise BadGeometry("contour map", "has no contours")
         short = next((i for i, line in enumerate(frozen) if len(line) < 2), None)
         if short is not None:
-            raise BadGeometry("contour map", f"contour {short} has one vertex only")
+            raise BadGeometry("contour map", f"contour {short} has fewer than two vertices")
+        around = None if outline is None else _ring(outline, "outline")
         if extent is None:
-            around = None if outline is None else np.asarray(outline, dtype=np.float64)
             extent = _roomy_box(frozen) if around is None else np.array([around.min(axis=0), around.max(axis=0)])
         object.__setattr__(self, "lines", frozen)
         object.__setattr__(self, "heights", frozen_floats(heights, (len(frozen),), "contour map: heights"))
         object.__setattr__(self, "extent", frozen_floats(extent, (2, 2), "contour map: extent"))
+        if not (self.extent[0] < self.extent[1]).all():
+            raise BadGeometry("contour map", "its extent does not run from a lower left to an upper right corner")
         object.__setattr__(self, "crs", crs)
         spots = np.empty((0, 3)) if spots is None else spots
         object.__setattr__(self, "spots", frozen_floats(spots, (None, 3), "contour map: spots"))
         object.__setattr__(self, "voids", tuple(_ring(ring, f"void {i}") for i, ring in enumerate(voids)))
-        around = _rectangle(*self.extent) if outline is None else _ring(outline, "outline")
-        object.__setattr__(self, "outline", around)
+        object.__setattr__(self, "outline", _rectangle(*self.extent) if around is None else around)
 
     @property
     def n_points(self) -> int:
@@ -154,16 +155,10 @@ class HeightGrid:
 
     def __post_init__(self) -> None:
         for name in ("x", "y"):
-            axis = frozen_floats(getattr(self, name), (None,), f"grid: {name}")
-            if len(axis) < 2 or (np.diff(axis) <= 0).any():
-                raise BadGeometry("grid", f"its {name} coordinates are not two or more increasing numbers")
-            object.__setattr__(self, name, axis)
-        heights = np.array(self.heights, dtype=np.float64)
-        if heights.shape != (len(self.y), len(self.x)):
-            raise BadGeometry("grid", f"has {heights.shape} heights where {len(self.y)} x {len(self.x)} are needed")
+            object.__setattr__(self, name, grid_axis(getattr(self, name), name))
+        heights = frozen_floats(self.heights, (len(self.y), len(self.x)), "grid: heights", also=np.nan)
         if not np.isfinite(heights).any():
             raise BadGeometry("grid", "holds no height at all")
-        heights.setflags(write=False)
         object.__setattr__(self, "heights", heights)
 
     def known_cells(self) -> NDArray[np.bool_]:
@@ -176,3 +171,11 @@ class HeightGrid:
         x, y = np.meshgrid(self.x, self.y)
         known = np.isfinite(self.heights)
         return np.column_stack([x[known], y[known]]), self.heights[known]
+
+
+def grid_axis(values: ArrayLike, name: str) -> Floats:
+    """The coordinates of a grid's columns or rows, locked; raises BadGeometry unless two or more increase."""
+    axis = frozen_floats(values, (None,), f"grid: {name}")
+    if len(axis) < 2 or (np.diff(axis) <= 0).any():
+        raise BadGeometry("grid", f"its {name} coordinates are not two or more increasing numbers")
+    return axis

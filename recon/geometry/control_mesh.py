@@ -90,13 +90,20 @@ class ControlMesh:
         corner_sharpness: ArrayLike = (),
     ) -> "ControlMesh":
         """A control mesh from a list of faces: an (F, k) array, or rows of different lengths."""
-        counts = np.array([len(face) for face in faces], dtype=np.int64)
-        starts = np.concatenate([[0], np.cumsum(counts)])
-        corners = np.concatenate([np.asarray(face) for face in faces]) if len(counts) else np.empty(0)
-        creases = np.asarray(crease_edges, dtype=np.int64).reshape(-1, 2)
-        kept = np.asarray(corner_vertices, dtype=np.int64).reshape(-1)
-        sharpness = (np.asarray(s, dtype=np.float64).reshape(-1) for s in (crease_sharpness, corner_sharpness))
-        return cls(np.asarray(vertices, dtype=np.float64), corners.astype(np.int64), starts, creases, kept, *sharpness)
+        rows = [np.atleast_1d(face) for face in faces]
+        starts = np.concatenate([[0], np.cumsum([len(row) for row in rows], dtype=np.int64)])
+        corners = np.concatenate(rows) if rows else np.empty(0)
+        creases = frozen_ints(crease_edges, (None, 2), "control mesh: crease_edges")
+        kept = frozen_ints(corner_vertices, (None,), "control mesh: corner_vertices")
+        sharpness = (
+            _sharpness(s, len(marks), name)
+            for s, marks, name in (
+                (crease_sharpness, creases, "crease_sharpness"),
+                (corner_sharpness, kept, "corner_sharpness"),
+            )
+        )
+        places = frozen_floats(vertices, (None, 3), "control mesh: vertices")
+        return cls(places, frozen_ints(corners, (None,), "control mesh: faces"), starts, creases, kept, *sharpness)
 
     @property
     def n_vertices(self) -> int:
@@ -138,12 +145,12 @@ class ControlMesh:
 
 def _sharpness(values: ArrayLike, n: int, name: str) -> Floats:
     """(n,) locked, infinite where none are given; raises BadGeometry."""
-    array = np.array(values, dtype=np.float64)
-    if array.shape != (n,):
-        if array.size:
+    array = frozen_floats(values, (None,), f"control mesh: {name}, which is above 0", also=np.inf)
+    if len(array) != n:
+        if len(array):
             raise BadGeometry("control mesh", f"{name} has shape {array.shape}, not ({n},)")
         array = np.full(n, np.inf)
+        array.setflags(write=False)
     if not (array > 0.0).all():
         raise BadGeometry("control mesh", f"{name} holds {array[~(array > 0.0)][0]:g}; a sharpness is above 0")
-    array.setflags(write=False)
     return array

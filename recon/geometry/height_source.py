@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry.arrays import frozen_floats
-from recon.geometry.contour_map import HeightGrid
+from recon.geometry.contour_map import HeightGrid, grid_axis
 
 __all__ = ["HeightSource"]
 
@@ -21,6 +20,7 @@ class HeightSource:
     x, y   (nx,), (ny,) increasing coordinates of the grid's columns and rows, in metres
     crs    name of the coordinate reference system, or an empty text
     read   gives the heights of some rows, counted from the south, and some columns; NaN where nothing was measured
+    Raises  BadGeometry.
     """
 
     x: Floats
@@ -30,7 +30,7 @@ class HeightSource:
 
     def __post_init__(self) -> None:
         for name in ("x", "y"):
-            object.__setattr__(self, name, frozen_floats(getattr(self, name), (None,), f"grid: {name}"))
+            object.__setattr__(self, name, grid_axis(getattr(self, name), name))
 
     @classmethod
     def of(cls, grid: HeightGrid) -> "HeightSource":

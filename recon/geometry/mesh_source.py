@@ -20,6 +20,7 @@ class MeshSource:
     n_vertices, n_faces  how many there are
     points               gives (n, 3) points in model units, by their numbers
     triangles            gives (n, 3) vertex numbers of triangles, by the triangles' numbers
+    notes                what was left out of a file, and what its reader decided
     """
 
     n_vertices: int
@@ -27,6 +28,7 @@ class MeshSource:
     points: Callable[[Rows], Floats]
     triangles: Callable[[Rows], Ints]
     name: str = "mesh"
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, vertices: Floats, face_vertices: Ints, name: str = "mesh") -> "MeshSource":

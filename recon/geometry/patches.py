@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import BadGeometry
-from recon.geometry.arrays import frozen_floats, frozen_ints
+from recon.geometry.arrays import frozen_bools, frozen_floats, frozen_ints
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.numerics.bernstein import degree_elevation
 from recon.numerics.bspline_basis import basis_matrix
@@ -81,8 +81,7 @@ class PatchNetwork:
         object.__setattr__(self, "vertices", frozen_floats(self.vertices, (None, 3), "patch network: vertices"))
         for name, shape in (("edge_vertices", (None, 2)), ("side_edges", (n, 4)), ("corner_vertices", (n, 4))):
             object.__setattr__(self, name, frozen_ints(getattr(self, name), shape, f"patch network: {name}"))
-        forward = frozen_ints(self.side_forward, (n, 4), "patch network: side_forward").astype(bool)
-        forward.setflags(write=False)
+        forward = frozen_bools(self.side_forward, (n, 4), "patch network: side_forward")
         object.__setattr__(self, "side_forward", forward)
         self._check_corners()
 
@@ -92,7 +91,9 @@ class PatchNetwork:
         used = self.side_edges != COLLAPSED
         if self.side_edges.max(initial=0) >= len(self.edge_vertices) or self.side_edges.min(initial=0) < COLLAPSED:
             raise BadGeometry("patch network", "a side names an edge that does not exist")
-        pairs = self.edge_vertices[self.side_edges]
+        _require_vertices(self.edge_vertices, len(self.vertices), "patch network: edge_vertices")
+        _require_vertices(self.corner_vertices, len(self.vertices), "patch network: corner_vertices")
+        pairs = np.append(self.edge_vertices, [[COLLAPSED, COLLAPSED]], axis=0)[self.side_edges]
         first = np.where(self.side_forward, pairs[..., 0], pairs[..., 1])
         last = np.where(self.side_forward, pairs[..., 1], pairs[..., 0])
         wrong = np.where(used, (first != begin) | (last != end), begin != end)
@@ -137,24 +138,24 @@ class PatchMosaic:
     side_ranges: NDArray[np.float64]
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "side_edges", frozen_ints(self.side_edges, (None,), "patch mosaic: side_edges"))
         what, n_edges, n_uses = "patch mosaic", len(self.edge_curves), len(self.side_edges)
         object.__setattr__(self, "patches", tuple(self.patches))
         object.__setattr__(self, "edge_curves", tuple(self.edge_curves))
         object.__setattr__(self, "vertices", frozen_floats(self.vertices, (None, 3), f"{what}: vertices"))
         object.__setattr__(self, "side_ranges", frozen_floats(self.side_ranges, (n_uses, 2), f"{what}: side_ranges"))
-        shapes = {"edge_vertices": (n_edges, 2), "side_starts": (4 * len(self.patches) + 1,), "side_edges": (n_uses,)}
+        shapes = {"edge_vertices": (n_edges, 2), "side_starts": (4 * len(self.patches) + 1,)}
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen_ints(getattr(self, name), shape, f"{what}: {name}"))
         for name, size in (("smooth_edges", n_edges), ("side_forward", n_uses)):
-            flags = frozen_ints(getattr(self, name), (size,), f"{what}: {name}").astype(bool)
-            flags.setflags(write=False)
-            object.__setattr__(self, name, flags)
+            object.__setattr__(self, name, frozen_bools(getattr(self, name), (size,), f"{what}: {name}"))
         self._check_sides()
 
     def _check_sides(self) -> None:
         if self.side_edges.max(initial=-1) >= len(self.edge_curves) or self.side_edges.min(initial=0) < 0:
             raise BadGeometry("patch mosaic", "a side names an edge that does not exist")
-        if self.side_starts[-1] != len(self.side_edges) or (np.diff(self.side_starts) < 0).any():
+        _require_vertices(self.edge_vertices, len(self.vertices), "patch mosaic: edge_vertices")
+        if self.side_starts[0] or self.side_starts[-1] != len(self.side_edges) or (np.diff(self.side_starts) < 0).any():
             raise BadGeometry("patch mosaic", "side_starts does not divide side_edges into sides")
         ends = self.edge_vertices[self.side_edges]
         begin = np.where(self.side_forward, ends[:, 0], ends[:, 1])
@@ -171,6 +172,11 @@ class PatchMosaic:
     def is_closed(self) -> bool:
         """Whether every edge has two patches."""
         return bool((np.bincount(self.side_edges, minlength=len(self.edge_curves)) == 2).all())
+
+
+def _require_vertices(numbers: NDArray[np.int64], n_vertices: int, what: str) -> None:
+    if numbers.size and (numbers.min() < 0 or numbers.max() >= n_vertices):
+        raise BadGeometry(what, f"names a vertex outside 0 to {n_vertices - 1}")
 
 
 SHARES = np.linspace(0.0, 1.0, 9)  # of a side's parameter range, where sides are compared

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import BadGeometry, NotManifold
-from recon.geometry.arrays import frozen_floats
+from recon.geometry.arrays import frozen_floats, frozen_ints
 from recon.geometry.mesh import TriangleMesh
 
 __all__ = ["PlanarFace", "Polyhedron", "merge_coplanar", "mesh_bodies"]
@@ -48,6 +48,8 @@ class Polyhedron:
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", tuple(self.faces))
         object.__setattr__(self, "bodies", tuple(tuple(tuple(shell) for shell in body) for body in self.bodies))
+        corners = list(chain.from_iterable(loop for face in self.faces for loop in face.loops))
+        frozen_ints(corners, (None,), "polyhedron: corners of faces")
         for i, face in enumerate(self.faces):
             for loop in face.loops:
                 if len(set(loop)) < 3 or min(loop) < 0 or max(loop) >= len(vertices):

@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.errors import BadGeometry
+from recon.geometry.arrays import frozen_floats
 from recon.geometry.bspline import BSplineCurve
 
 __all__ = ["ProfileArc", "ProfileLine", "ProfilePiece", "ProfileSpline", "TurnedPart"]
@@ -22,10 +24,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ProfileLine:
-    """From start to end, (2,) as (r, z) each."""
+    """From start to end, (2,) as (r, z) each; raises BadGeometry."""
 
     start: Floats
     end: Floats
+
+    def __post_init__(self) -> None:
+        for name in ("start", "end"):
+            object.__setattr__(self, name, frozen_floats(getattr(self, name), (2,), f"line of a profile: {name}"))
 
     def points(self, n: int) -> Floats:
         """(n, 2) points from end to end, evenly."""
@@ -42,11 +48,15 @@ class ProfileLine:
 
 @dataclass(frozen=True, eq=False)
 class ProfileArc:
-    """Arc of a circle from start through middle to end, (2,) as (r, z) each."""
+    """Arc of a circle from start through middle to end, (2,) as (r, z) each; raises BadGeometry."""
 
     start: Floats
     middle: Floats
     end: Floats
+
+    def __post_init__(self) -> None:
+        for name in ("start", "middle", "end"):
+            object.__setattr__(self, name, frozen_floats(getattr(self, name), (2,), f"arc of a profile: {name}"))
 
     @property
     def circle(self) -> tuple[Floats, float]:
@@ -83,9 +93,13 @@ class ProfileArc:
 
 @dataclass(frozen=True, eq=False)
 class ProfileSpline:
-    """A B-spline curve with control points (n, 2) as (r, z)."""
+    """A B-spline curve with control points (n, 2) as (r, z); raises BadGeometry for one in space."""
 
     curve: BSplineCurve
+
+    def __post_init__(self) -> None:
+        if self.curve.control_points.shape[1] != 2:
+            raise BadGeometry("spline of a profile", "has control points in space where (r, z) are needed")
 
     @property
     def start(self) -> Floats:
@@ -113,11 +127,30 @@ ProfilePiece = ProfileLine | ProfileArc | ProfileSpline
 
 @dataclass(frozen=True, eq=False)
 class TurnedPart:
-    """Axis and profile; origin (3,) on the axis, axis (3,) of unit length."""
+    """Axis and profile; origin (3,) on the axis, axis (3,) of unit length.
+
+    Raises  BadGeometry, also where a loop is not closed.
+    """
 
     origin: Floats
     axis: Floats
     loops: tuple[tuple[ProfilePiece, ...], ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "origin", frozen_floats(self.origin, (3,), "turned part: origin"))
+        object.__setattr__(self, "axis", frozen_floats(self.axis, (3,), "turned part: axis"))
+        object.__setattr__(self, "loops", tuple(tuple(loop) for loop in self.loops))
+        if abs(np.linalg.norm(self.axis) - 1.0) > 1e-6:
+            raise BadGeometry("turned part", "its axis is not of unit length")
+        if not self.loops or not all(self.loops):
+            raise BadGeometry("turned part", "has no profile, or a loop of no pieces")
+        for number, loop in enumerate(self.loops):
+            starts, ends = np.array([piece.start for piece in loop]), np.array([piece.end for piece in loop])
+            gap = np.abs(np.roll(starts, -1, axis=0) - ends).max(axis=1)
+            if gap.max() > 1e-9 * max(float(np.abs(starts).max()), 1e-300):
+                raise BadGeometry(
+                    "turned part", f"piece {int(gap.argmax())} of loop {number} ends away from the start of the next"
+                )
 
     def outlines(self, step: float) -> list[Floats]:
         """Each loop as a closed row of points (n, 2), no farther apart than about a step where it is curved."""

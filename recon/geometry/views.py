@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import BadGeometry
-from recon.geometry.arrays import frozen_floats
+from recon.geometry.arrays import frozen_bools, frozen_floats
 
 __all__ = ["PROJECTIONS", "DrawnView", "Projection", "ThreeViews"]
 
@@ -57,13 +57,8 @@ class DrawnView:
     hidden: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        flat = frozen_floats(np.asarray(self.segments, dtype=np.float64).reshape(-1, 4), (None, 4), "view: segments")
-        hidden = np.array(self.hidden, dtype=bool)
-        if hidden.shape != (len(flat),):
-            raise BadGeometry("view", f"has {len(flat)} segments and {hidden.size} line types")
-        hidden.setflags(write=False)
-        object.__setattr__(self, "segments", flat.reshape(-1, 2, 2))
-        object.__setattr__(self, "hidden", hidden)
+        object.__setattr__(self, "segments", frozen_floats(self.segments, (None, 2, 2), "view: segments"))
+        object.__setattr__(self, "hidden", frozen_bools(self.hidden, (len(self.segments),), "view: hidden"))
 
     @property
     def n_segments(self) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import BadGeometry, BadOption
+from recon.geometry.arrays import frozen_ints
 from recon.geometry.voxel_grid import PlacedGrid, Volume, VoxelGrid
 
 __all__ = ["SolidSource", "VolumeSource", "Window", "solid_source", "source_labels"]
@@ -40,8 +41,10 @@ class VolumeSource(PlacedGrid):
     is_windowed: bool = False
 
     def __post_init__(self) -> None:
-        if len(self.shape) != 3 or min(self.shape) < 1:
-            raise BadGeometry(self.name, f"has shape {tuple(self.shape)} where a grid of three axes is needed")
+        shape = frozen_ints(self.shape, (3,), f"{self.name}: shape")
+        if shape.min() < 1:
+            raise BadGeometry(self.name, f"has shape {tuple(shape.tolist())} where a grid of three axes is needed")
+        object.__setattr__(self, "shape", tuple(shape.tolist()))
         self._lock_place()
 
     @classmethod

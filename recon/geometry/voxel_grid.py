@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import BadGeometry, BadOption
-from recon.geometry.arrays import frozen_floats
+from recon.geometry.arrays import frozen_bools, frozen_floats, plain_array
 from recon.geometry.mesh import TriangleMesh
 
 __all__ = ["PlacedGrid", "Volume", "VoxelGrid", "binary_grid", "volume_labels"]
@@ -37,7 +37,7 @@ class PlacedGrid:
             object.__setattr__(self, key, frozen_floats(getattr(self, key), shape, f"{self.name}: {key}"))
         if not (self.spacing > 0).all():
             raise BadGeometry(self.name, f"spacing {self.spacing.tolist()} must be positive")
-        if abs(abs(np.linalg.det(self.direction)) - 1.0) > 1e-3:
+        if np.abs(self.direction.T @ self.direction - np.eye(3)).max() > 1e-3:
             raise BadGeometry(self.name, "the directions of its axes are not at right angles")
 
     @property
@@ -71,7 +71,7 @@ class Volume(PlacedGrid):
     values: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     def __post_init__(self) -> None:
-        values = np.asarray(self.values)
+        values = plain_array(self.values, self.name)
         if values.ndim != 3 or 0 in values.shape:
             raise BadGeometry(self.name, f"has shape {values.shape} where a grid of three axes is needed")
         if values.dtype.kind not in "biuf":
@@ -90,14 +90,11 @@ class VoxelGrid(PlacedGrid):
     solid: Bools = field(default_factory=lambda: np.zeros((0, 0, 0), dtype=bool))
 
     def __post_init__(self) -> None:
-        solid = np.array(self.solid, dtype=bool, order="C")
-        if solid.ndim != 3:
-            raise BadGeometry(self.name, f"has shape {solid.shape} where a grid of three axes is needed")
+        solid = frozen_bools(self.solid, (None, None, None), self.name)
         if not solid.any():
             raise BadGeometry(self.name, "no voxel is solid; check the threshold or the label")
         if solid.all():
             raise BadGeometry(self.name, "every voxel is solid, so nothing bounds it; check the threshold or the label")
-        solid.setflags(write=False)
         object.__setattr__(self, "solid", solid)
         self._lock_place()
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from recon.errors import BadGeometry, BadOption, UnreadableFile
 from recon.geometry.mesh import TriangleMesh
+from recon.numerics.equal_points import first_equal
 from recon.readers.content import file_bytes
 from recon.readers.polygons import PolygonSoup, triangulated
 
@@ -132,7 +133,7 @@ def _cleaned(points: Floats, faces: Ints, name: str) -> tuple[Floats, Ints, tupl
     counted = []
     used, compact = np.unique(faces, return_inverse=True)
     lonely = len(points) - len(used)
-    representative = _first_equal(points[used])
+    representative = first_equal(points[used])
     merged = int(np.count_nonzero(representative != np.arange(len(used))))
     faces = representative[compact.reshape(-1, 3)]
     repeats = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
@@ -147,22 +148,6 @@ def _cleaned(points: Floats, faces: Ints, name: str) -> tuple[Floats, Ints, tupl
         counted.append(f"{np.count_nonzero(repeats)} faces with two corners in the same point were dropped")
     # Adding zero turns -0.0 into 0.0, so that equal points stay equal when they are printed.
     return points[used][kept] + 0.0, renumbered.reshape(-1, 3), tuple(counted)
-
-
-def _first_equal(points: Floats) -> Ints:
-    """(n,) for every point the lowest number of a point with exactly the same coordinates."""
-    # Random projections of the bit patterns sort ten times faster than rows; a collision is seen, and sorted properly.
-    bits = (points + 0.0).view(np.uint64)
-    mixed = (bits ^ (bits >> np.uint64(29))) * np.array(
-        [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64
-    )
-    keys = np.bitwise_xor.reduce(mixed ^ (mixed >> np.uint64(32)), axis=1)
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    found = first[inverse]
-    if (points[found] != points).any():
-        _, first, inverse = np.unique(points + 0.0, axis=0, return_index=True, return_inverse=True)
-        found = first[inverse.ravel()]
-    return found
 
 
 def _size_notes(points: Floats) -> tuple[str, ...]:

@@ -4,15 +4,17 @@ A binary file may begin with the word solid too, so the two kinds are told apart
 triangles implies, never by the first word.
 """
 
+import mmap
 import re
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.errors import UnreadableFile
 from recon.readers.numbers import number_array
 from recon.readers.polygons import PolygonSoup
 
-__all__ = ["read_stl"]
+__all__ = ["mapped_corners", "read_stl"]
 
 HEADER = 80
 TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -36,6 +38,14 @@ def read_stl(data: bytes, name: str) -> PolygonSoup:
     rest = len(data) - HEADER - 4 - promised * TRIANGLE.itemsize
     corners = np.frombuffer(data, TRIANGLE, promised, HEADER + 4)["corners"]
     return _soup(corners, (f"{rest} bytes after the last triangle were left unread",))
+
+
+def mapped_corners(data: mmap.mmap) -> NDArray[np.float32] | None:
+    """(F, 3, 3) corners of the triangles where they lie in a binary file; None of text, and of what is not whole."""
+    count = int.from_bytes(data[HEADER : HEADER + 4], "little")
+    if len(data) != HEADER + 4 + count * TRIANGLE.itemsize:
+        return None
+    return np.frombuffer(data, TRIANGLE, count, HEADER + 4)["corners"]
 
 
 def _read_text(data: bytes, name: str) -> PolygonSoup:

@@ -15,17 +15,17 @@ from scipy.spatial import cKDTree
 
 from recon.errors import Refusal
 from recon.geometry.volume_source import SolidSource
+from recon.numerics.cell_lookup import CellLookup, surface_distances
 from recon.numerics.distance import TriangleTree, closest_points, sample_surface
+from recon.numerics.edge_collapse import REGULARISER, CollapseMesh, collapse_edges, collapse_mesh
+from recon.numerics.edge_heap import edge_heap
+from recon.numerics.error_bound import TESTED, Bound, hanging_bound, no_bound
+from recon.numerics.open_patch import ClosedOff, closed_off
 from recon.numerics.quadrics import vertex_quadrics
 from recon.numerics.self_intersection import crossing_triangles
 from recon.voxel_mesh.block_lattice import Lattice, Place
-from recon.voxel_mesh.cell_lookup import CellLookup, cell_lookup, surface_distances
-from recon.voxel_mesh.edge_collapse import CollapseMesh, collapse_edges, collapse_mesh
-from recon.voxel_mesh.edge_heap import edge_heap
-from recon.voxel_mesh.error_bound import TESTED, Bound, hanging_bound, no_bound
 from recon.voxel_mesh.marching_cubes import GridSurface, window_surface
-from recon.voxel_mesh.open_patch import ClosedOff, closed_off
-from recon.voxel_mesh.simplify import REACH, REGULARISER, ROUNDS, inner_limit
+from recon.voxel_mesh.simplify import REACH, ROUNDS, inner_limit
 
 __all__ = ["Collapsed", "Patch", "Terms", "block_errors", "collapse_block", "collapse_patch", "first_patch"]
 
@@ -163,7 +163,7 @@ class _Reference:
 
     @property
     def look(self) -> CellLookup:
-        return cell_lookup(self.surface, self._proportions)
+        return self.surface.lookup(self._proportions)
 
 
 def _window_reference(solid: SolidSource, lattice: Lattice, terms: Terms, block: Place) -> _Reference:

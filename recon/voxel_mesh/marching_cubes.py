@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from recon.geometry.voxel_grid import VoxelGrid
+from recon.numerics.cell_lookup import CellLookup, cell_lookup
 from recon.voxel_mesh.cell_table import cell_table
 
 __all__ = ["GridSurface", "marching_cubes", "window_surface"]
@@ -62,6 +63,10 @@ class GridSurface:
         """Solid (n, 3) and empty (m, 3) centres beside the surface, each once, in voxels."""
         solid, empty = (_distinct(index) for index in (self.solid_voxels(), self.empty_voxels()))
         return solid * proportions, empty * proportions
+
+    def lookup(self, proportions: Floats) -> CellLookup:
+        """Which of its triangles lie near a point; its vertices may have slid along their grid edges."""
+        return cell_lookup(self.vertices[self.face_vertices], self.face_cells(), proportions)
 
 
 def _distinct(index: Ints) -> Ints:

@@ -24,6 +24,7 @@ from scipy.spatial import cKDTree
 from recon.geometry.bspline import BSplineCurve
 from recon.geometry.turned import ProfileArc, ProfileLine, ProfilePiece, ProfileSpline, TurnedPart
 from recon.numerics.bspline_basis import basis_matrix, clamped_knots
+from recon.voxel_mesh.damped_newton import damped_newton
 from recon.voxel_mesh.fits import across
 
 __all__ = ["settled"]
@@ -38,7 +39,6 @@ MARGIN = 0.004  # voxels that a centre shall keep from the profile
 HELD = 30.0  # centres that a line across the axis counts as, to stay where it was
 STEADY = 1e-4  # of the strongest pull: what holds a number that no centre pulls
 STEPS = 8  # Newton's, at most, for one set of numbers
-ENOUGH = 0.97  # a step that leaves more than this of the sum is the last
 WRONG, MANY = 0.02, 10  # a spline with so many centres deeper than that, in voxels, is refined
 LEAST_SPAN = 4.0  # voxels of a spline's span
 REFINEMENTS = 4
@@ -108,7 +108,8 @@ def settled(part: TurnedPart, solid: Floats, empty: Floats) -> TurnedPart:
     places = _across(_net(part.loops))
     for number in range(REFINEMENTS + 1):
         x, side = _nearby(part, solid, empty)
-        part, coarse = _newton(part, x, side, places)
+        guess = damped_newton(_Guess(part, x, side, places), steps=STEPS)
+        part, coarse = guess.part, guess.coarse()
         if not coarse or number == REFINEMENTS:
             break
         finer = iter([_finer(p) if n in coarse else p for n, p in enumerate(q for loop in part.loops for q in loop)])
@@ -135,25 +136,27 @@ def _strayed(net: _Net, places: Floats) -> dict[int, float]:
     return {int(net.number[net.rows[n][0], 1]): float(net.pieces[n].start[1] - places[n]) for n in rows}
 
 
-def _newton(part: TurnedPart, x: Floats, side: Floats, places: Floats) -> tuple[TurnedPart, set[int]]:
-    """The part after Newton's steps, and which of its pieces are splines that want more spans."""
-    net = _net(part.loops)
-    samples = _samples(net)
-    wrong = _wrong(part, samples, x, side, _strayed(net, places))
-    for _ in range(STEPS):
-        step = _step(samples, wrong)
-        for size in (1.0, 0.5, 0.25):
-            next_part = _moved(part, net, size * step)
-            next_net = _net(next_part.loops)
-            next_samples = _samples(next_net)
-            next_wrong = _wrong(next_part, next_samples, x, side, _strayed(next_net, places))
-            if next_wrong.badness < ENOUGH * wrong.badness:
-                break
-        else:
-            break
-        part, net, samples, wrong = next_part, next_net, next_samples, next_wrong
-    deep = np.bincount(samples.piece[wrong.sample[np.abs(wrong.depth) > WRONG]], minlength=len(net.rows)) > MANY
-    return part, {n for n in np.flatnonzero(deep).tolist() if _may_be_finer(net.pieces[n])}
+class _Guess:
+    """A part, and the centres x (n, 3) on its wrong side; their side (n,), and the places of its lines across."""
+
+    def __init__(self, part: TurnedPart, x: Floats, side: Floats, places: Floats) -> None:
+        self.part, self.net = part, _net(part.loops)
+        self.samples = _samples(self.net)
+        self.wrong = _wrong(part, self.samples, x, side, _strayed(self.net, places))
+        self.badness = self.wrong.badness
+        self._held = x, side, places
+
+    def step(self) -> Floats:
+        return _step(self.samples, self.wrong)
+
+    def moved(self, step: Floats) -> "_Guess":
+        return _Guess(_moved(self.part, self.net, step), *self._held)
+
+    def coarse(self) -> set[int]:
+        """Pieces that are splines and want more spans."""
+        deep = self.wrong.sample[np.abs(self.wrong.depth) > WRONG]
+        many = np.bincount(self.samples.piece[deep], minlength=len(self.net.rows)) > MANY
+        return {n for n in np.flatnonzero(many).tolist() if _may_be_finer(self.net.pieces[n])}
 
 
 def _half_plane(part: TurnedPart, x: Floats) -> tuple[Floats, Floats]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry.analytic import AnalyticSurface, Blend, Cone, Cylinder, Plane, Sphere
+from recon.voxel_mesh.damped_newton import damped_newton
 from recon.voxel_mesh.fits import across
 from recon.voxel_mesh.rolling_ball import Rolled, rolled
 
@@ -30,7 +31,7 @@ MARGIN = 0.004  # voxels that a centre shall keep from its surface
 DEEPEST = 1.0  # voxels: a centre deeper than this belongs to something else
 PULL = 0.2  # voxels from which on a depth pulls no harder
 STEADY = 1e-4  # of the strongest pull: what holds a number that no centre pulls
-STEPS, ENOUGH = 12, 0.97  # Newton's at most; a step that leaves more than this of the sum is the last
+STEPS = 12  # Newton's, at most
 SMALL = 1e-5  # voxels: step of numerical derivatives
 LEVER = 100.0  # voxels at which a unit of a direction's numbers is one voxel
 PARALLEL = 1.0 - 1e-9
@@ -278,20 +279,23 @@ def _moved_faces(faces: Faces, numbers: _Numbers, step: Floats) -> Faces:
 
 def _newton(faces: Faces, numbers: _Numbers, ends: Ends) -> Faces:
     """The faces after Newton's steps."""
-    wrong = _wrong(faces, ends)
-    bad = _badness(wrong)
-    for _ in range(STEPS):
-        step = _step(faces, numbers, wrong)
-        for size in (1.0, 0.5, 0.25):
-            there = _moved_faces(faces, numbers, size * step)
-            after = _wrong(there, ends)
-            if (bad_there := _badness(after)) < ENOUGH * bad:
-                break
-        else:
-            break
-        faces, wrong, bad = there, after, bad_there
-        numbers = replace(numbers, lead=_turned(numbers, size * step))
-    return faces
+    return damped_newton(_Guess(faces, numbers, ends), steps=STEPS).faces
+
+
+class _Guess:
+    """Faces, their free numbers, and the centres on the wrong side."""
+
+    def __init__(self, faces: Faces, numbers: _Numbers, ends: Ends) -> None:
+        self.faces, self._numbers, self._ends = faces, numbers, ends
+        self._wrong = _wrong(faces, ends)
+        self.badness = _badness(self._wrong)
+
+    def step(self) -> Floats:
+        return _step(self.faces, self._numbers, self._wrong)
+
+    def moved(self, step: Floats) -> "_Guess":
+        numbers = replace(self._numbers, lead=_turned(self._numbers, step))
+        return _Guess(_moved_faces(self.faces, self._numbers, step), numbers, self._ends)
 
 
 def _turned(numbers: _Numbers, step: Floats) -> Floats:

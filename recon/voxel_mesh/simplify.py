@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from recon.errors import Refusal
+from recon.numerics.cell_lookup import CellLookup, surface_distances
 from recon.numerics.closed_mesh import opposite_halfedges
 from recon.numerics.distance import closest_points, sample_surface
+from recon.numerics.edge_collapse import REGULARISER, collapse_edges, collapse_mesh
+from recon.numerics.edge_heap import edge_heap
+from recon.numerics.error_bound import face_bound, no_bound
 from recon.numerics.quadrics import vertex_quadrics
 from recon.numerics.self_intersection import crossing_triangles
-from recon.voxel_mesh.cell_lookup import CellLookup, cell_lookup, surface_distances
-from recon.voxel_mesh.edge_collapse import collapse_edges, collapse_mesh
-from recon.voxel_mesh.edge_heap import edge_heap
-from recon.voxel_mesh.error_bound import face_bound, no_bound
 from recon.voxel_mesh.marching_cubes import GridSurface
 
 __all__ = ["Goal", "Simplified", "collapsed_between", "inner_limit", "simplified", "used_rows"]
@@ -28,7 +28,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-REGULARISER = 1e-9  # larger ones mix up the order of collapses that cost nothing, and with it every edge of the part
 MARGIN = 0.02  # voxels kept back while collapsing, for what lies between samples
 PROBES = 60_000  # points a way for the verification, on the grid's surface twice as many
 FEW_PROBES = 10_000  # where nothing is promised of the error
@@ -85,7 +84,7 @@ def simplified(
     feature = np.zeros(len(vertices), dtype=bool) if feature is None else feature
     locked = np.zeros(len(vertices), dtype=bool)
     twin = opposite_halfedges(vertices, faces, "surface of the grid")
-    look = cell_lookup(surface, proportions)
+    look = surface.lookup(proportions)
     quadric = vertex_quadrics(vertices, faces, regulariser=REGULARISER)
     tree = None
     for number in range(ROUNDS):
@@ -124,7 +123,7 @@ def collapsed_between(
     locked[faces[~free]] = True
     if not free.any():
         return place, faces[free], np.flatnonzero(free)
-    guard, look = _guard(surface, proportions, locked), cell_lookup(slid, proportions)
+    guard, look = _guard(surface, proportions, locked), slid.lookup(proportions)
     quadric = vertex_quadrics(place, faces, regulariser=REGULARISER)
     tree = cKDTree(place)
     for number in range(ROUNDS):

@@ -38,6 +38,7 @@ def test_a_3mf_is_a_package_that_says_its_unit(tmp_path: Path) -> None:
     write_mesh(MESHES["box"], path, header=FileHeader('a "b" & <c>', unit=LengthUnit.METRE))
     with zipfile.ZipFile(path) as package:
         assert set(package.namelist()) == {"[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model"}
+        assert {part.date_time[0] for part in package.infolist()} == {1980}  # the same bytes whenever it is written
         assert 'unit="meter"' in package.read("3D/3dmodel.model").decode()
     assert trimesh.load(path, force="mesh").is_watertight
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sheets import torus
 
 from recon.errors import BadGeometry, UnreadableFile
 from recon.readers.mesh_windows import open_mesh
@@ -34,6 +35,44 @@ def test_points_and_triangles_are_those_of_the_whole(tmp_path, order, extra):
     assert (source.n_vertices, source.n_faces) == (4, 4)
     assert (source.points(slice(None)) == whole.vertices).all()
     assert (source.triangles(np.array([3, 1])) == whole.face_vertices[[3, 1]]).all()
+
+
+def stl(path, corners):
+    rows = np.zeros(len(corners), np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]))
+    rows["corners"] = corners
+    path.write_bytes(bytes(80) + np.uint32(len(corners)).tobytes() + rows.tobytes())
+    return path
+
+
+@pytest.mark.parametrize("at_once", [1 << 22, 200])
+def test_corners_of_an_stl_file_at_the_same_place_are_one_point_numbered_as_in_the_whole(
+    tmp_path, monkeypatch, at_once
+):
+    monkeypatch.setattr("recon.readers.mesh_windows.AT_ONCE", at_once)
+    monkeypatch.setattr("recon.readers.mesh_windows.PIECE", 64)
+    mesh = torus(12)
+    corners = mesh.corners().astype(np.float32)
+    corners[7, 1] = corners[7, 0]  # a face with two corners in one point
+    corners[corners == 0.0] = -0.0
+    corners[::2][corners[::2] == 0.0] = 0.0
+    path = stl(tmp_path / "scan.stl", corners)
+    source, whole = open_mesh(path, unit="cm", least=100), read_mesh(path, unit="cm")
+    assert source.points(slice(None)).tobytes() == whole.mesh.vertices.tobytes()
+    assert (source.triangles(slice(None)) == whole.mesh.face_vertices).all()
+    assert source.notes == ("1 faces with two corners in the same point were dropped",) == whole.notes[2:3]
+    assert open_mesh(path, least=mesh.n_vertices + 1) is None
+
+
+def test_faults_of_an_stl_file_are_named(tmp_path):
+    corners = POINTS[FACES]
+    path = stl(tmp_path / "cut.stl", corners)
+    path.write_bytes(path.read_bytes()[:-5])
+    assert open_mesh(path, least=1) is None  # the reader of whole files says where it ends
+    corners[2, 1, 0] = np.inf
+    with pytest.raises(BadGeometry, match="not a finite number"):
+        open_mesh(stl(tmp_path / "endless.stl", corners), least=1)
+    with pytest.raises(BadGeometry, match="three different points"):
+        open_mesh(stl(tmp_path / "points.stl", np.ones((2, 3, 3))), least=1)
 
 
 def test_other_files_are_left_to_the_reader_of_whole_files(tmp_path):

@@ -9,6 +9,7 @@ from recon.geometry.volume_source import SolidSource, VolumeSource, solid_source
 from recon.geometry.voxel_grid import Volume, VoxelGrid
 from recon.numerics.closed_mesh import opposite_halfedges
 from recon.numerics.distance import hausdorff_distance
+from recon.numerics.open_patch import closed_off
 from recon.numerics.self_intersection import crossing_triangles
 from recon.voxel_mesh.block_bodies import body_table, wanted_bodies, write_bodies
 from recon.voxel_mesh.block_collapse import Terms, collapse_block
@@ -16,7 +17,6 @@ from recon.voxel_mesh.block_lattice import block_lattice
 from recon.voxel_mesh.block_topology import grid_count
 from recon.voxel_mesh.blocks import blocks_of, boundary_by_blocks
 from recon.voxel_mesh.marching_cubes import marching_cubes, window_surface
-from recon.voxel_mesh.open_patch import closed_off
 from recon.voxel_mesh.pipeline import VoxelOptions, voxel_boundary
 from recon.voxel_mesh.topology import grid_topology, kept_bodies
 

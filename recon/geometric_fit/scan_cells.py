@@ -5,7 +5,7 @@
     +--+--+--+--+--+--+      The scan stays in its file: memory holds what is left of it, a cell, and a number for each
        |     |     |         point and triangle.
 
-Collapses keep the surface what it is, bodies, cavities and handles, as `recon.voxel_mesh.edge_collapse` does; what
+Collapses keep the surface what it is, bodies, cavities and handles, as `recon.numerics.edge_collapse` does; what
 was open stays open, its border as it was.  Planes are summed anew in every pass, from the triangles that are there.
 
 Paper  [garland1997] for the quadrics; [dey1999] for the collapses that are allowed.
@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 from recon.errors import NotManifold, Refusal
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.mesh_source import MeshSource
+from recon.numerics.cell_lookup import empty_lookup
 from recon.numerics.distance import closest_points
+from recon.numerics.edge_collapse import REGULARISER, collapse_edges, collapse_mesh
+from recon.numerics.edge_heap import edge_heap
+from recon.numerics.error_bound import no_bound
+from recon.numerics.open_patch import ClosedOff, closed_off
 from recon.numerics.quadrics import vertex_quadrics
-from recon.voxel_mesh.cell_lookup import CellLookup
-from recon.voxel_mesh.edge_collapse import collapse_edges, collapse_mesh
-from recon.voxel_mesh.edge_heap import edge_heap
-from recon.voxel_mesh.error_bound import no_bound
-from recon.voxel_mesh.open_patch import ClosedOff, closed_off
-from recon.voxel_mesh.simplify import REGULARISER
 
 __all__ = ["ThinnedScan", "thinned_scan"]
 
@@ -206,7 +205,7 @@ def _collapsed(patch: _Patch) -> tuple[Floats, Ints, Ints]:
         feature=np.zeros(len(locked) + 1, dtype=bool),
     )
     collapse_edges(
-        mesh, edge_heap(len(mesh.half)), no_bound(), _NOWHERE, len(closed.faces), round(share * n) + n_imaginary
+        mesh, edge_heap(len(mesh.half)), no_bound(), empty_lookup(), len(closed.faces), round(share * n) + n_imaginary
     )
     rows = mesh.corner.reshape(-1, 3)[:n].astype(np.int64)
     rows = rows[rows[:, 0] >= 0]
@@ -214,16 +213,6 @@ def _collapsed(patch: _Patch) -> tuple[Floats, Ints, Ints]:
     left[rows] = True
     changed = np.flatnonzero(left & ~locked)
     return mesh.place[changed] * unit + middle, rows, changed
-
-
-# the collapse asks for no distance where nothing is bounded
-_NOWHERE = CellLookup(
-    np.ones(3),
-    np.zeros(3, dtype=np.int64),
-    np.full((1, 1, 1), -1, dtype=np.int32),
-    np.zeros((0, 8, 8, 8), dtype=np.int32),
-    np.zeros((0, 9)),
-)
 
 
 def _refuse_tangles(patch: _Patch) -> None:

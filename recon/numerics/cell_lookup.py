@@ -1,4 +1,4 @@
-"""Which triangles of the grid's surface lie near a point: found by cell, without a search.
+"""Which triangles of a grid's surface lie near a point: found by cell, without a search.
 
 Marching cubes gives the triangles cell by cell, and none leaves its cell.  So the cells are numbered in blocks of
 8 x 8 x 8, only those blocks that hold triangles have a table, and a look-up is two array reads:
@@ -14,11 +14,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.voxel_mesh.marching_cubes import GridSurface
-
 __all__ = [
     "CellLookup",
     "cell_lookup",
+    "empty_lookup",
     "nearest_in_cell",
     "nearest_within",
     "point_triangle_squared",
@@ -48,12 +47,10 @@ class CellLookup(NamedTuple):
     corners: Floats
 
 
-def cell_lookup(surface: GridSurface, proportions: Floats) -> CellLookup:
-    """Look-up over a surface whose vertices may have slid along their grid edges."""
-    faces = surface.face_vertices
-    cell = surface.face_cells()
+def cell_lookup(corners: Floats, cell: Ints, size: Floats) -> CellLookup:
+    """Look-up over triangles (F, 3, 3) that come cell by cell; the cell (F, 3) of each, and the size (3,) of a cell."""
     new = np.flatnonzero((np.diff(cell, axis=0, prepend=cell[:1] - 1) != 0).any(axis=1))
-    cells, count = cell[new], np.diff(np.append(new, len(faces)))
+    cells, count = cell[new], np.diff(np.append(new, len(corners)))
     low = cells.min(axis=0)
     place = (cells - low) // BLOCK
     shape = place.max(axis=0) + 1
@@ -62,7 +59,14 @@ def cell_lookup(surface: GridSurface, proportions: Floats) -> CellLookup:
     block.ravel()[used] = np.arange(len(used))
     span = np.zeros((len(used), BLOCK, BLOCK, BLOCK), dtype=np.int32)
     span[(number, *((cells - low) % BLOCK).T)] = 8 * new + count
-    return CellLookup(np.array(proportions, dtype=np.float64), low, block, span, surface.vertices[faces].reshape(-1, 9))
+    return CellLookup(np.array(size, dtype=np.float64), low, block, span, corners.reshape(-1, 9))
+
+
+def empty_lookup() -> CellLookup:
+    """Look-up over no triangles, for a collapse that asks for no distance."""
+    nowhere = np.full((1, 1, 1), -1, dtype=np.int32)
+    tables = np.zeros((0, BLOCK, BLOCK, BLOCK), dtype=np.int32)
+    return CellLookup(np.ones(3), np.zeros(3, dtype=np.int64), nowhere, tables, np.zeros((0, 9)))
 
 
 @njit(cache=True)

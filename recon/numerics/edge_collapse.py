@@ -23,17 +23,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recon.numerics.cell_lookup import CellLookup
+from recon.numerics.edge_heap import EdgeHeap, heap_append, heap_arrange, heap_drop, heap_put
+from recon.numerics.error_bound import Bound, hand_over, keeps_bound
 from recon.numerics.quadrics import lowest_point, moved_sum, quadric_value
-from recon.voxel_mesh.cell_lookup import CellLookup
-from recon.voxel_mesh.edge_heap import EdgeHeap, heap_append, heap_arrange, heap_drop, heap_put
-from recon.voxel_mesh.error_bound import Bound, hand_over, keeps_bound
 
-__all__ = ["CollapseMesh", "collapse_mesh", "collapse_edges"]
+__all__ = ["REGULARISER", "CollapseMesh", "collapse_mesh", "collapse_edges"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+# of quadrics: larger ones mix up the order of collapses that cost nothing, and with it every edge of the part
+REGULARISER = 1e-9
 RING = 512  # faces a ring may have; a vertex with more neighbours is left alone
 FLATTEST = 0.2  # cosine of the largest turn of a face's normal in one collapse
 FOLDED = -0.5  # cosine of the sharpest edge that a collapse may make: beyond it lie the folds that cut themselves

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from recon.errors import NotManifold
+from recon.geometric_fit.scan_cells import thinned_scan
 from recon.geometry.mesh_source import MeshSource
 from recon.numerics.closed_mesh import opposite_halfedges
 from recon.numerics.halfedges import boundary_loops
 from recon.numerics.self_intersection import crossing_triangles
-from recon.voxel_mesh.scan_cells import thinned_scan
+from recon.readers.mesh_windows import open_mesh
 from recon.voxel_mesh.topology import mesh_topology
 
 
@@ -60,6 +61,34 @@ def test_the_order_of_the_cells_changes_no_byte():
     one, other = (thinned_scan(bumpy_torus(60), 500, cell=1_000, each=each) for each in (map, backwards))
     assert one.mesh.vertices.tobytes() == other.mesh.vertices.tobytes()
     assert one.mesh.face_vertices.tobytes() == other.mesh.face_vertices.tobytes()
+
+
+def stored(path, scan):
+    """The scan in binary files, its points numbered in the order in which the triangles name them."""
+    faces = scan.triangles(slice(None))
+    first, rows = np.unique(faces, return_index=True)
+    number = np.empty(len(first), dtype=np.int64)
+    number[first[np.argsort(rows)]] = np.arange(len(first))
+    points, faces = scan.points(first[np.argsort(rows)]).astype("<f4"), number[faces]
+    table = np.zeros(len(faces), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+    table["count"], table["corners"] = 3, faces
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    counts = f"element vertex {len(points)}\n{axes}element face {len(faces)}\nproperty list uchar int vertex_indices\n"
+    head = f"ply\nformat binary_little_endian 1.0\n{counts}end_header\n"
+    (path / "scan.ply").write_bytes(head.encode() + points.tobytes() + table.tobytes())
+    loose = np.zeros(len(faces), np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]))
+    loose["corners"] = points[faces]
+    (path / "scan.stl").write_bytes(bytes(80) + np.uint32(len(faces)).tobytes() + loose.tobytes())
+    return path / "scan.ply", path / "scan.stl"
+
+
+@pytest.mark.parametrize("scan", [bumpy_torus(60), sheet(50)], ids=["torus", "sheet"])
+def test_a_scan_without_numbers_for_its_points_is_thinned_to_the_same_bytes(scan, tmp_path):
+    found = [thinned_scan(open_mesh(path, least=1), 700, cell=1_000) for path in stored(tmp_path, scan)]
+    for name in ("vertices", "face_vertices"):
+        one, other = (getattr(each.mesh, name) for each in found)
+        assert one.tobytes() == other.tobytes()
+    assert found[0].distances.tobytes() == found[1].distances.tobytes()
 
 
 def test_the_border_of_an_open_scan_stays_as_it_was():

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.voxel_mesh.cell_lookup import (
+from recon.numerics.cell_lookup import (
     CellLookup,
     nearest_in_cell,
     nearest_within,
