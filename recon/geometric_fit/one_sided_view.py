@@ -5,11 +5,12 @@ All triangles show their front there, and neither the border nor a hole overlaps
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, linprog, minimize
+from scipy.optimize import OptimizeResult, minimize, nnls
 from shapely import Polygon, make_valid
 
 from recon.geometric_fit.rim_places import cross, least_box
 from recon.geometric_fit.scan_kind import SheetScan
+from recon.numerics.rows import unit_vectors
 
 __all__ = ["OVERLAP", "measured_areas", "overlap", "seen_from_one_side"]
 
@@ -18,17 +19,19 @@ Ints = NDArray[np.int64]
 
 OVERLAP = 1e-6  # share of the rectangle that a border may cover twice, for rounding
 LOOKS, FLATTEST = 30, 1e-3  # attempts to find a side from which all is seen, and the least cosine there
+MOST_NORMALS = 200  # that are looked at anew in each attempt
+WHOLE = 1e3  # weight of the shares of a convex combination adding up to one
 
 
 def seen_from_one_side(sheet: SheetScan) -> Floats | None:
     """(V, 2) the scan seen from where all its triangles show their front and no border overlaps itself.
 
-    None where no such side is found: from the one that is steepest on all triangles the search goes on to where less
+    None where no such side is found: from one that shows the front of all triangles the search goes on to where less
     is hidden, as the side from which a scanner saw it is one.
     """
     mesh, length = sheet.mesh, measured_areas(sheet)
-    normals = 2.0 * mesh.area_vectors()[length > 0.0] / length[length > 0.0, None]
-    steepest = _steepest_side(normals)
+    normals = mesh.area_vectors()[length > 0.0] / length[length > 0.0, None]
+    steepest = _steepest_side(normals, length[length > 0.0])
     if steepest is None:
         return None
     aside, loops = _axes_across(steepest), (*sheet.rims, *sheet.holes)
@@ -41,12 +44,14 @@ def seen_from_one_side(sheet: SheetScan) -> Floats | None:
         if intermediate_result.fun < OVERLAP:
             raise StopIteration
 
-    first = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]])
-    search = {"initial_simplex": first, "maxfev": 4 * LOOKS}
-    found = minimize(hidden, first[0], method="Nelder-Mead", callback=stop, options=search)
-    if found.fun >= OVERLAP:
-        return None
-    flat = mesh.vertices @ _axes_across(steepest + found.x @ aside).T
+    turn = np.zeros(2)
+    if hidden(turn) >= OVERLAP:
+        search = {"initial_simplex": [[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]], "maxfev": 4 * LOOKS}
+        found = minimize(hidden, turn, method="Nelder-Mead", callback=stop, options=search)
+        if found.fun >= OVERLAP:
+            return None
+        turn = found.x
+    flat = mesh.vertices @ _axes_across(steepest + turn @ aside).T
     return np.asarray(flat @ least_box(flat[sheet.rims[0]])[1])
 
 
@@ -56,19 +61,25 @@ def _axes_across(toward: Floats) -> Floats:
     return axes if np.linalg.det([*axes, toward]) > 0.0 else axes[::-1]
 
 
-def _steepest_side(normals: Floats) -> Floats | None:
-    """(3,) unit direction whose least cosine with normals (n, 3) is largest, by a linear program; None without any."""
-    toward = normals.mean(axis=0)
+def _steepest_side(normals: Floats, areas: Floats) -> Floats | None:
+    """(3,) unit direction from which all triangles with normals (n, 3) show their front; None without any.
+
+    Their mean is one from which the scan looks largest. Where it does not see all of them, the direction whose least
+    cosine is largest is that of the point nearest to the origin in the convex hull of the normals.
+    """
+    toward = unit_vectors((areas @ normals)[None])[0]
     chosen = np.empty(0, dtype=np.int64)
     for _ in range(LOOKS):
-        chosen = np.union1d(chosen, np.argsort(normals @ toward)[:200])
-        rows = np.column_stack([-normals[chosen], np.ones(len(chosen))])
-        best = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=np.zeros(len(rows)), bounds=[(-1.0, 1.0)] * 3 + [(0, 1)])
-        if best.x is None or best.x[3] < FLATTEST:
+        cosines = normals @ toward
+        if cosines.min() >= FLATTEST:
+            return toward
+        chosen = np.union1d(chosen, np.argsort(cosines)[:MOST_NORMALS])
+        rows = np.vstack([normals[chosen].T, np.full(len(chosen), WHOLE)])
+        share, _ = nnls(rows, np.array([0.0, 0.0, 0.0, WHOLE]), maxiter=100 * len(chosen))
+        nearest = share @ normals[chosen]
+        if np.linalg.norm(nearest) < FLATTEST:
             return None
-        toward = best.x[:3]
-        if (normals @ toward).min() > 0.5 * best.x[3]:
-            return np.asarray(toward / np.linalg.norm(toward))
+        toward = nearest / np.linalg.norm(nearest)
     return None
 
 
@@ -81,7 +92,7 @@ def overlap(places: Floats, loops: tuple[Ints, ...]) -> float:
 
 
 def measured_areas(sheet: SheetScan) -> Floats:
-    """(F,) twice the area of every face of the scan, zero of those laid over holes."""
+    """(F,) the area of every face of the scan, zero of those laid over holes."""
     area = np.linalg.norm(sheet.mesh.area_vectors(), axis=1)
     area[sheet.n_faces :] = 0.0
     return area

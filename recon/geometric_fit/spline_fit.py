@@ -41,6 +41,7 @@ from recon.geometric_fit.tensor_space import (
 from recon.geometric_fit.unrolling import Unrolled, unrolled
 from recon.geometric_fit.updates import Pull, Updater
 from recon.geometry.mesh import TriangleMesh
+from recon.numerics.rows import unit_vectors
 
 __all__ = ["FittedSheet", "SplineKind", "SplineOptions", "fit_sheet"]
 
@@ -229,24 +230,22 @@ class _SheetFit:
         return feet
 
     def _pull(self, space: TensorSpace, net: Floats, feet: NetFeet) -> Pull:
-        """The data points, and those of the rims once more: there a residual along the surface is an error, too."""
-        scan, rims = self._scan, self._rims
+        """The data points, and those beyond a side of the surface once more: there a residual along the surface is an
+        error, too, and no pull would stop the surface from sliding off."""
         rows = net_rows(space, net, feet.uv)
-        residuals = scan.points - feet.positions
-        normals = feet.normals
-        beside = np.cross(feet.by_u[rims], normals[rims])
-        beside /= np.maximum(np.linalg.norm(beside, axis=1, keepdims=True), 1e-300)
+        residuals = self._scan.points - feet.positions
+        beyond, beside = _beyond_sides(space, feet)
         size = (space.u.degree + 1) * (space.v.degree + 1)
-        again = (rims[:, None] * size + np.arange(size)).ravel()
+        again = (beyond[:, None] * size + np.arange(size)).ravel()
         return Pull(
             BasisRows(
-                np.arange(0, size * (len(residuals) + len(rims)) + 1, size),
+                np.arange(0, size * (len(residuals) + len(beyond)) + 1, size),
                 np.concatenate([rows.columns, rows.columns[again]]),
                 np.concatenate([rows.values, rows.values[again]]),
             ),
-            np.concatenate([residuals, residuals[rims]]),
-            np.concatenate([normals, beside]),
-            np.concatenate([self._weights, self._weights[rims]]),
+            np.concatenate([residuals, residuals[beyond]]),
+            np.concatenate([feet.normals, beside]),
+            np.concatenate([self._weights, self._weights[beyond]]),
             NetEnergy(space).matrix(np.zeros(space.n_control)),
         )
 
@@ -329,6 +328,21 @@ class _SheetFit:
             stretch=self._stretch,
             folds=folds,
         )
+
+
+def _beyond_sides(space: TensorSpace, feet: NetFeet) -> tuple[Ints, Floats]:
+    """(n,) the feet on a side of the surface, and (n, 3) unit vectors out of it there; at a corner a foot has two."""
+    numbers, out = [], []
+    for way, (each, along) in enumerate(((space.u, feet.by_v), (space.v, feet.by_u))):
+        if each.periodic:
+            continue
+        at = feet.uv[:, way]
+        on = np.flatnonzero((at <= each.breaks[0]) | (at >= each.breaks[-1]))
+        numbers.append(on)
+        out.append(unit_vectors(np.cross(along[on], feet.normals[on])))
+    if not numbers:
+        return np.empty(0, dtype=np.int64), np.empty((0, 3))
+    return np.concatenate(numbers), np.concatenate(out)
 
 
 def _homogeneous(points: Floats, weights: Floats) -> Floats:

@@ -124,10 +124,13 @@ def _relaxed(
     for number in range(MOST_ROUNDS if mesh.n_vertices < LARGE else FEW_ROUNDS):
         places = seen if seen is not None and number == 0 else springs.rest(where)
         straight, periods = _straightened(sheet, places, jumps)
-        sides, stretch = _stretch(mesh, _corners(straight, mesh.face_vertices, periods), area)
-        total = float((area * np.minimum(stretch, WORST) ** 2).sum())
+        corners = _corners(straight, mesh.face_vertices, periods)
+        sides, stretch = _stretch(mesh, corners, area)
+        total = float(
+            np.sqrt(np.average(np.minimum(stretch, WORST) ** 2, weights=area) * _larger(corners, sides, area))
+        )
         if total < least and _is_sound(sheet, straight, periods):
-            best, least = (straight, sides, periods, float(np.sqrt(total / area.sum()))), total
+            best, least = (straight, sides, periods, total), total
         springs.soften(stretch, area)
     return best
 
@@ -225,6 +228,12 @@ def _stretch(mesh: TriangleMesh, corners: Floats, area: Floats) -> tuple[Floats,
     usual = (speed < USUAL * np.median(speed, axis=0)).all(axis=1)
     sides = np.sqrt((area[usual, None] * speed[usual] ** 2).sum(axis=0) / max(float(area[usual].sum()), 1e-300))
     return sides, np.sqrt(0.5 * ((speed / sides) ** 2).sum(axis=1))
+
+
+def _larger(corners: Floats, sides: Floats, area: Floats) -> float:
+    """How many times larger than the scan its image in a rectangle with such sides is."""
+    one, two = _two_sides(corners[area > 0.0])
+    return float(0.5 * np.abs(cross(one, two)).sum() * sides.prod() / area.sum())
 
 
 def _speeds(mesh: TriangleMesh, corners: Floats) -> Floats:

@@ -40,6 +40,7 @@ HELD = 30.0  # centres that a line across the axis counts as, to stay where it w
 STEADY = 1e-4  # of the strongest pull: what holds a number that no centre pulls
 STEPS = 8  # Newton's, at most, for one set of numbers
 WRONG, MANY = 0.02, 10  # a spline with so many centres deeper than that, in voxels, is refined
+SHORT = 4.0  # voxels of a line that may be the end of an arc
 LEAST_SPAN = 4.0  # voxels of a spline's span
 REFINEMENTS = 4
 SMALL = 1e-4  # voxels: step of numerical derivatives
@@ -105,16 +106,43 @@ def settled(part: TurnedPart, solid: Floats, empty: Floats) -> TurnedPart:
 
     solid, empty  centres beside the grid's surface; those far from the profile show something else and do not count
     """
+    guess = _settled(part, solid, empty)
+    tried = 0
+    while len(shorter := _with_a_line_less(guess.part)) > tried:
+        other = _settled(shorter[tried], solid, empty)
+        guess, tried = (other, 0) if other.badness <= guess.badness else (guess, tried + 1)
+    return guess.part
+
+
+def _settled(part: TurnedPart, solid: Floats, empty: Floats) -> "_Guess":
     places = _across(_net(part.loops))
-    for number in range(REFINEMENTS + 1):
+    number = 0
+    while True:
         x, side = _nearby(part, solid, empty)
         guess = damped_newton(_Guess(part, x, side, places), steps=STEPS)
-        part, coarse = guess.part, guess.coarse()
-        if not coarse or number == REFINEMENTS:
-            break
+        part, coarse, number = guess.part, guess.coarse(), number + 1
+        if not coarse or number > REFINEMENTS:
+            return guess
         finer = iter([_finer(p) if n in coarse else p for n, p in enumerate(q for loop in part.loops for q in loop)])
         part = TurnedPart(part.origin, part.axis, tuple(tuple(next(finer) for _ in loop) for loop in part.loops))
-    return part
+
+
+def _with_a_line_less(part: TurnedPart) -> list[TurnedPart]:
+    """The part with one short line given to an arc beside it, in all ways: corners seen too early make such lines."""
+    found = []
+    for number, loop in enumerate(part.loops):
+        for k, piece in enumerate(loop):
+            if not isinstance(piece, ProfileLine) or piece.length > SHORT:
+                continue
+            for away in (-1, 1):
+                arc = loop[(k + away) % len(loop)]
+                if not isinstance(arc, ProfileArc) or _is_of_ball(arc):
+                    continue
+                start, end = (piece.start, arc.end) if away == 1 else (arc.start, piece.end)
+                kept = [ProfileArc(start, arc.middle, end) if p is arc else p for p in loop if p is not piece]
+                loops = (*part.loops[:number], tuple(kept), *part.loops[number + 1 :])
+                found.append(TurnedPart(part.origin, part.axis, loops))
+    return found
 
 
 def _nearby(part: TurnedPart, solid: Floats, empty: Floats) -> tuple[Floats, Floats]:

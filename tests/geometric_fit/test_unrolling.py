@@ -68,9 +68,25 @@ def test_size_and_place_do_not_matter(scale):
     scan = torus(20)
     moved = TriangleMesh(scan.vertices[:, [1, 2, 0]] * scale + 7.0 * scale, scan.face_vertices)
     one, two = (unrolled(each) for each in (scan, moved))
-    # places just before and just behind a seam are the same; of rounds that are nearly equal either may be taken
-    assert_allclose(*(np.exp(2j * np.pi * each.places) for each in (two, one)), atol=0.02)
-    assert_allclose(two.sides, one.sides * scale, rtol=1e-3)
+    # places just before and just behind a seam are the same
+    assert_allclose(*(np.exp(2j * np.pi * each.places) for each in (two, one)), atol=1e-9)
+    assert_allclose(two.sides, one.sides * scale, rtol=1e-9)
+
+
+def test_stretch_is_one_where_lengths_are_kept_and_more_where_they_are_not():
+    x, y = np.meshgrid(np.linspace(0, 3, 31), np.linspace(0, 1, 11), indexing="ij")
+    bent = np.stack([3.0 * np.sin(x / 3.0), 3.0 * np.cos(x / 3.0), y], axis=-1).reshape(-1, 3)  # of a cylinder
+    number = np.arange(bent.shape[0]).reshape(x.shape)
+    p, q, r, s = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    faces = np.concatenate([np.stack([p, q, r], -1).reshape(-1, 3), np.stack([p, r, s], -1).reshape(-1, 3)])
+    flat = unrolled(TriangleMesh(np.column_stack([x.ravel(), y.ravel(), 0 * y.ravel()]), faces))
+    assert flat.stretch == pytest.approx(1.0, abs=1e-9)
+    assert 1.0 - 1e-9 < unrolled(TriangleMesh(bent, faces)).stretch < 1.1
+    # around the torus at its inside lengths are a third less than in the mean, at its outside a third more
+    ring = np.linspace(0, 2 * np.pi, 100_001)
+    around, area = 3.0 + np.cos(ring), (3.0 + np.cos(ring)) / 3.0
+    least = np.sqrt(np.sqrt(np.average(around**2, weights=area)) / 3.0)
+    assert unrolled(torus(40, waves=0.0)).stretch == pytest.approx(least, abs=0.02)
 
 
 def test_borders_that_touch_in_a_vertex_are_taken_apart():
