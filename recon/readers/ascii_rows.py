@@ -1,8 +1,8 @@
 """Rows of an ESRI ASCII grid that is too large to be held as text: where each begins, and those that are asked for.
 
-    ncols 12000 ...        header, one entry a line
-    812.4 812.9 813.1 ...  row 0, the northernmost: one line a row, as every program writes it
-    811.9 812.2 812.8 ...  row 1
+ncols 12000 ...        header, one entry a line
+812.4 812.9 813.1 ...  row 0, the northernmost: one line a row, as every program writes it
+811.9 812.2 812.8 ...  row 1
 """
 
 from pathlib import Path
@@ -23,8 +23,8 @@ class AsciiRows:
 
     header  its entries, named in small letters
 
-    Raises  OSError, KeyError, ValueError where the rows are not one a line; from `rows` where one has not as many heights as there are
-            columns, or a word that is no number.
+    Raises  KeyError where the header lacks an entry, ValueError where the rows are not one a line; from `rows`
+            ValueError where one has not as many heights as there are columns, or a word that is no number.
     """
 
     def __init__(self, path: Path) -> None:
@@ -71,7 +71,8 @@ class AsciiRows:
 def _looked_through(path: Path) -> tuple[dict[str, float], list[int]]:
     """Entries of the header; where lines begin that hold heights, and where the last one ends."""
     header: dict[str, float] = {}
-    starts, at = [], 0
+    starts: list[int] = []
+    at = 0
     with path.open("rb") as stream:
         for line in stream:
             words = line.split(maxsplit=2)

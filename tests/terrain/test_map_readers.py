@@ -8,8 +8,8 @@ from generated_mountains import mountain_contours, mountain_grid
 
 from recon.errors import BadGeometry, BadOption, UnreadableFile, UnsupportedFormat
 from recon.geometry.contour_map import HeightGrid
-from recon.readers.contours import read_contours
 from recon.readers import height_grids
+from recon.readers.contours import read_contours
 from recon.readers.height_grids import open_height_grid, read_height_grid
 from recon.terrain.contouring import contour_grid, largest_piece
 
@@ -114,12 +114,17 @@ def test_windows_of_a_long_text_grid_hold_the_heights_of_the_whole(tmp_path, mon
     assert np.isnan(whole.heights).sum() == 1
     np.testing.assert_array_equal(source.x, whole.x)
     np.testing.assert_array_equal(source.y, whole.y)
-    for rows, columns in ((slice(0, 150), slice(0, 40)), (slice(61, 66), slice(5, 6)), (slice(140, 400), slice(30, 99))):
+    for rows, columns in (
+        (slice(0, 150), slice(0, 40)),
+        (slice(61, 66), slice(5, 6)),
+        (slice(140, 400), slice(30, 99)),
+    ):
         np.testing.assert_array_equal(source.read(rows, columns), whole.heights[rows, columns])
 
 
 @pytest.mark.parametrize(
-    ("spoilt", "told"), [("1 2 3", "row 150 has 3 heights"), ("1 2 x 4", "row 150: could not convert.* b'x'"), ("", "one a line")]
+    ("spoilt", "told"),
+    [("1 2 3", "row 150 has 3 heights"), ("1 2 x 4", "row 150: could not convert.* b'x'"), ("", "one a line")],
 )
 def test_a_faulty_row_of_a_long_text_grid_is_named(tmp_path, monkeypatch, spoilt, told):
     path = long_text(tmp_path, monkeypatch, ["1 2 3 4"] * 149 + [spoilt])
