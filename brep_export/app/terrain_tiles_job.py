@@ -56,7 +56,7 @@ def terrain_tiles(request: Mapping[str, Any], bench: Bench) -> Answer:
         "origin": plan.origin.tolist(),
         "crs": source.crs or None,
     }
-    kernel = kernel_of_all([report.as_json() for report in made.reports]) if made.reports else {}
+    kernel = kernel_of_all(made.kernels) if made.kernels else {}
     answer = result(
         "terrain",
         inputs=request["inputs"],
@@ -82,10 +82,13 @@ class _Order:
 
 @dataclass(frozen=True, eq=False)
 class _Made:
-    """What came out: figures of every tile, what the gate said, files, why something is missing."""
+    """What came out: figures of every tile, what the gate said, files, why something is missing.
+
+    Of the gate's reports only their figures: a report holds its shape, and a map has many.
+    """
 
     rows: list[dict[str, Any]]
-    reports: list[CheckReport]
+    kernels: list[dict[str, Any]]
     written: list[str]
     reasons: list[str]
     border_max_deg: float | None = None
@@ -143,7 +146,7 @@ def _one(order: _Order, tile: Place, tiles: MapTiles, into: tuple[_Made, Bench, 
         order, shape, kind, (tile_files(order.request["outputs"], tile), f"-{tile_label(tile)}", bench)
     )
     made.rows.append(row)
-    made.reports.append(report)
+    made.kernels.append(report.as_json())
     made.written.extend(written)
     made.reasons.extend(f"{tile_label(tile)}: {defect}" for defect in report.defects)
 
@@ -161,7 +164,7 @@ def _joined(order: _Order, tiles: MapTiles, bench: Bench) -> _Made:
     with bench.phase("brep", "joining the tiles"):
         shape, kind = _shape(order, joined_network(networks))
     report, written = _proven(order, shape, kind, (order.request["outputs"], "", bench))
-    return _Made(made.rows, [report], written, [str(defect) for defect in report.defects], border)
+    return _Made(made.rows, [report.as_json()], written, [str(defect) for defect in report.defects], border)
 
 
 def _shape(order: _Order, network: PatchNetwork) -> tuple[TopoDS_Shape, ShapeKind]:
