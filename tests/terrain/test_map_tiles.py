@@ -10,6 +10,7 @@ from brep_export.check import ShapeKind, check
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import HeightGrid
 from recon.geometry.height_source import HeightSource
+from recon.terrain import pipeline
 from recon.terrain.contouring import contour_grid
 from recon.terrain.evaluation import edge_angles, elevations
 from recon.terrain.map_tiles import MapTiles, plan_tiles
@@ -123,6 +124,27 @@ def test_tiles_away_from_a_void_are_those_of_the_full_grid(grounds):
     np.testing.assert_array_equal(ground.jets.height, grounds[0, 2].jets.height)
     with pytest.raises(BadGeometry, match=r"no height is known at \(70.0, 50.0\)"):
         tiles.tile((2, 0))
+
+
+def test_a_tile_whose_patches_are_made_again_finer_keeps_its_border(grounds, monkeypatch):
+    limited, calls = pipeline.limited_jets, []
+
+    def first_patch_astray(*arguments):
+        calls.append(len(arguments[1].corners))
+        jets, nets, _ = limited(*arguments)
+        return jets, nets, np.arange(2 - len(calls))
+
+    tiles = tiles_of(rough_grid(3))
+    border = tiles.around((1, 1))
+    monkeypatch.setattr(pipeline, "limited_jets", first_patch_astray)
+    ground = tiles.tile((1, 1))
+    assert calls == [grounds[1, 1].n_patches, ground.n_patches]
+    assert calls[1] > calls[0]
+    assert border.points.tobytes() == ground.tiling.points[_rows_of(border.points, ground.tiling.points)].tobytes()
+
+
+def _rows_of(places, points):
+    return [int(np.flatnonzero((points == place).all(axis=1))[0]) for place in places]
 
 
 def test_gregory_tiles_meet_within_the_angle_and_close():
