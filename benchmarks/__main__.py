@@ -39,11 +39,11 @@ RUNS = {
     "bspline_fit": Run(
         "Spline faces of scans", ("made:wavy^20000:400", "made:tube^20000:400", "made:torus^20000:400"), error="E_rms"
     ),
-    "scan_cells": Run("Scans of many millions of points", ("1000000:50000",)),
+    "scan_cells": Run("Scans of many millions of points", ("1000000:50000", "4000000:200000")),
     "limit_solids": Run("Limit surfaces as solids"),
     "terrain": Run("Contour lines to a ground", error="rms, m"),
     "voxel_mesh": Run("Voxels to a boundary", ("--half",), error="error"),
-    "voxel_blocks": Run("Voxels by blocks", ("192", "--block", "96")),
+    "voxel_blocks": Run("Voxels by blocks", ("256", "--block", "64")),
     "three_view": Run("Drawings to solids"),
     "kernel_door": Run("Building kernel solids"),
     "leaks": Run("Job after job in one process"),

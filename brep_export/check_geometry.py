@@ -7,23 +7,23 @@ gap    largest distance between the curve in space and the curve on a face, or o
 angle  between the tangent planes of two faces at a point of their common edge; 0 where they join smoothly
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from math import degrees, inf
 
 import numpy as np
 from numpy.typing import NDArray
 from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
-from OCP.BRep import BRep_Tool
+from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
-from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Status
+from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Result, BRepCheck_Shell, BRepCheck_Solid, BRepCheck_Status
 from OCP.BRepLib import BRepLib_ValidateEdge
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_Shape, GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from brep_export.check_topology import EdgeUses, each_once, edge_polyline, sub_shapes
+from brep_export.check_topology import EdgeUses, count, each_once, edge_polyline, sub_shapes
 from brep_export.survey import Survey
 from recon.geometry.cone_volume import surface_tangents
 from recon.geometry.promises import Defect
@@ -42,7 +42,9 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
+Found = dict[BRepCheck_Status, Point | None]
 
+MANY = 5_000  # faces that the kernel checks at once
 _SLACK = 1.001  # tolerances are set from measured gaps, and a second measurement may differ in the last digits
 _FINEST = 1e-7  # the kernel never takes a tolerance below this one seriously
 
@@ -164,14 +166,9 @@ def kernel_defects(shape: TopoDS_Shape, explained: Collection[BRepCheck_Status] 
 
     explained  findings that another line of the gate has named already
     """
-    analyzer = BRepCheck_Analyzer(shape, True, False, False)
-    if analyzer.IsValid():
+    found, valid = _found_whole(shape) if count(shape, TopAbs_ShapeEnum.TopAbs_FACE) <= MANY else _found_by_parts(shape)
+    if valid:
         return True, []
-    found: dict[BRepCheck_Status, Point | None] = {}
-    for kind in _CHECKED:
-        for part in each_once(shape, kind):
-            for status in _findings(analyzer, part, shape):
-                found.setdefault(status, _place(part))
     found.pop(BRepCheck_Status.BRepCheck_NoError, None)
     told = [s for s in found if s not in explained]
     named = [str(s).rpartition("BRepCheck_")[2] for s in told]
@@ -181,15 +178,60 @@ def kernel_defects(shape: TopoDS_Shape, explained: Collection[BRepCheck_Status] 
     return False, [Defect("kernel-invalid", sentence, found[told[0]] if told else None)]
 
 
-def _findings(analyzer: BRepCheck_Analyzer, part: TopoDS_Shape, shape: TopoDS_Shape) -> Iterator[BRepCheck_Status]:
-    result = analyzer.Result(part)
-    if result is None:
-        return
-    yield from result.Status()
+def _found_whole(shape: TopoDS_Shape) -> tuple[Found, bool]:
+    """What the kernel finds, each with its first place, and whether it calls the shape valid."""
+    analyzer = BRepCheck_Analyzer(shape, True, False, False)
+    if analyzer.IsValid():
+        return {}, True
+    found: Found = {}
+    for kind in _CHECKED:
+        for part in each_once(shape, kind):
+            result = analyzer.Result(part)
+            if result is not None:
+                _note(found, result, part)
+    return found, False
+
+
+def _found_by_parts(shape: TopoDS_Shape) -> tuple[Found, bool]:
+    """The same of a shape with many faces: solids and shells as such, then some faces at a time.
+
+    The kernel keeps what it finds of each face, wire, edge and vertex in every solid and shell around it, some 13 kB a
+    face.  Of these only what it finds in the face itself says something that lines 1 and 2 of the gate do not.
+    """
+    found: Found = {}
+    for solid in each_once(shape, TopAbs_ShapeEnum.TopAbs_SOLID):
+        _note(found, BRepCheck_Solid(TopoDS.Solid_s(solid)), solid)
+        for shell in sub_shapes(solid, TopAbs_ShapeEnum.TopAbs_SHELL):
+            looked_at = BRepCheck_Shell(TopoDS.Shell_s(shell))
+            looked_at.InContext(solid)
+            _note(found, looked_at, shell)
+    for shell in sub_shapes(shape, TopAbs_ShapeEnum.TopAbs_SHELL, TopAbs_ShapeEnum.TopAbs_SOLID):
+        _note(found, BRepCheck_Shell(TopoDS.Shell_s(shell)), shell)
+    faces, valid = each_once(shape, TopAbs_ShapeEnum.TopAbs_FACE), found.keys() <= {BRepCheck_Status.BRepCheck_NoError}
+    for first in range(0, len(faces), MANY):
+        more, sound = _found_whole(_together(faces[first : first + MANY]))
+        valid = valid and sound
+        found = more | found
+    return found, valid
+
+
+def _note(found: Found, result: BRepCheck_Result, part: TopoDS_Shape) -> None:
+    """Add what was found of a part, in itself and in what it is a part of."""
+    for status in result.Status():
+        found.setdefault(status, _place(part))
     result.InitContextIterator()
     while result.MoreShapeInContext():
-        yield from result.StatusOnShape()
+        for status in result.StatusOnShape():
+            found.setdefault(status, _place(part))
         result.NextShapeInContext()
+
+
+def _together(faces: Sequence[TopoDS_Shape]) -> TopoDS_Compound:
+    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(compound)
+    for face in faces:
+        builder.Add(compound, face)
+    return compound
 
 
 def _place(part: TopoDS_Shape) -> Point | None:

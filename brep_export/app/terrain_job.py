@@ -34,7 +34,10 @@ from recon.terrain.pipeline import PatchKind, Terrain, TerrainOptions, terrain_s
 from recon.terrain.sections import contours_at, islands_above
 from recon.tolerance import Tolerance
 
-__all__ = ["TOLERANCE", "lowest_place", "paint", "scale_of", "sidecar", "stretch_of", "terrain", "write_sidecar"]
+__all__ = [
+    "TOLERANCE", "g1_max_deg", "ground_options", "lowest_place", "paint", "scale_of", "sidecar", "stretch_of",
+    "terrain", "write_sidecar",
+]  # fmt: skip
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
@@ -53,7 +56,7 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         contours = _clipped(_read(request, bench), request["clip"])
         against = _against(request)
     with bench.phase("reconstruct", "following the contours"):
-        options = _options(request)
+        options = ground_options(request)
         ground = terrain_surface(contours, options, doing=bench.doing)
         room = _figures(contours, ground, against)
         lines = _new_contours(ground, request["contours"])
@@ -62,7 +65,7 @@ def terrain(request: Mapping[str, Any], bench: Bench) -> Answer:
         bench.note(note, name="ground")
     with bench.phase("brep", "building the shape"):
         shape, kind, scale = _shape(whole, request)
-    room["g1_max_deg"] = _g1_max_deg(whole)
+    room["g1_max_deg"] = g1_max_deg(whole)
     beside = {path: partial(_write_lines, lines, ground) for path in _line_files(request)}
     beside |= {
         sidecar(path): partial(write_sidecar, ground.origin, ground.crs, scale) for path in _shape_files(request)
@@ -105,7 +108,8 @@ def _check_request(request: Mapping[str, Any]) -> None:
     check_destinations({**request, "outputs": sidecars, "endings": (".json",), "picture": None, "report": None})
 
 
-def _options(request: Mapping[str, Any]) -> TerrainOptions:
+def ground_options(request: Mapping[str, Any]) -> TerrainOptions:
+    """What was asked for of the ground; BadOption where it does not go together."""
     kind, angle = PatchKind(request["patches"]), request["angle"]
     if angle is not None and kind is not PatchKind.GREGORY:
         raise BadOption("--angle", "is kept by the B-splines of Gregory patches; the default ones meet exactly")
@@ -240,7 +244,7 @@ def lowest_place(network: PatchNetwork) -> float:
     return lowest
 
 
-def _g1_max_deg(ground: Terrain) -> float:
+def g1_max_deg(ground: Terrain) -> float:
     """Largest angle in degrees between the faces along their common edges."""
     stray = max((patches.stray() for patches in ground.nets), default=0.0)
     return float(np.degrees(edge_angles(ground).max(initial=0.0) + 2.0 * stray))

@@ -12,16 +12,25 @@ from OCP.TopoDS import TopoDS_Shape
 from brep_export.app.deliver import copied_ahead, gate, write_files
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result
-from brep_export.app.terrain_job import TOLERANCE, lowest_place, paint, scale_of, sidecar, stretch_of, write_sidecar
+from brep_export.app.terrain_job import (
+    TOLERANCE,
+    g1_max_deg,
+    ground_options,
+    lowest_place,
+    paint,
+    scale_of,
+    sidecar,
+    stretch_of,
+    write_sidecar,
+)
 from brep_export.app.tile_names import KILOMETRE, chosen_tiles, tile_files, tile_label
 from brep_export.app.workshop import Bench, Exit
 from brep_export.blocks import block_solid
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.shells import network_shell
-from recon.errors import BadOption, InputError, ReconError
+from recon.errors import BadGeometry, BadOption, Refusal
 from recon.geometry.patches import PatchNetwork
 from recon.readers.height_grids import GRID_ENDINGS, open_height_grid
-from recon.terrain.evaluation import edge_angles
 from recon.terrain.map_tiles import MapTiles, Place, TiledMap, plan_tiles
 from recon.terrain.network import border_angles, joined_network, stretched, terrain_network
 
@@ -29,9 +38,12 @@ __all__ = ["terrain_tiles"]
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
 
-NOT_BY_TILES = {  # options of `recon terrain` that look at a whole map, with what they would be left at
-    "clip": None, "against": None, "contours": None, "attribute": None, "unit": None, "angle": None, "mend": False,
-    "break_lines": False, "patches": "polynomial",
+WHOLE = "looks at the whole map, or mends it: not with --tile"
+NOT_BY_TILES = {  # options of `recon terrain`, with what they have to be left at and why
+    "clip": (None, "cuts through tiles, whose neighbours know nothing of the cut: cut the grid itself first, or choose"
+                   " tiles with --only"),
+    "against": (None, WHOLE), "contours": (None, WHOLE), "attribute": (None, WHOLE), "unit": (None, WHOLE),
+    "mend": (False, WHOLE), "break_lines": (False, WHOLE),
 }  # fmt: skip
 
 
@@ -40,7 +52,7 @@ def terrain_tiles(request: Mapping[str, Any], bench: Bench) -> Answer:
     _check_request(request)
     with bench.phase("read", "looking through the grid"):
         source = open_height_grid(request["inputs"][0], project=request["project"])
-        plan = plan_tiles(source, request["interval"], KILOMETRE * request["tile"], request["tolerance"])
+        plan = plan_tiles(source, request["interval"], KILOMETRE * request["tile"], ground_options(request))
     chosen = chosen_tiles(request["only"], plan.shape)
     base = _base(request, plan)
     tiles = MapTiles(plan)
@@ -56,7 +68,7 @@ def terrain_tiles(request: Mapping[str, Any], bench: Bench) -> Answer:
         "origin": plan.origin.tolist(),
         "crs": source.crs or None,
     }
-    kernel = kernel_of_all([report.as_json() for report in made.reports]) if made.reports else {}
+    kernel = kernel_of_all(made.kernels) if made.kernels else {}
     answer = result(
         "terrain",
         inputs=request["inputs"],
@@ -82,10 +94,13 @@ class _Order:
 
 @dataclass(frozen=True, eq=False)
 class _Made:
-    """What came out: figures of every tile, what the gate said, files, why something is missing."""
+    """What came out: figures of every tile, what the gate said, files, why something is missing.
+
+    Of the gate's reports only their figures: a report holds its shape, and a map has many.
+    """
 
     rows: list[dict[str, Any]]
-    reports: list[CheckReport]
+    kernels: list[dict[str, Any]]
     written: list[str]
     reasons: list[str]
     border_max_deg: float | None = None
@@ -100,9 +115,9 @@ def _check_request(request: Mapping[str, Any]) -> None:
     lines = next((path for path in request["outputs"] if Path(path).suffix.lower() == ".geojson"), None)
     if lines is not None:
         raise BadOption("--output", f"{lines} would hold contours, which are not made by tiles")
-    for name, usual in NOT_BY_TILES.items():
+    for name, (usual, why) in NOT_BY_TILES.items():
         if request[name] != usual:
-            raise BadOption(f"--{name.replace('_', '-')}", "looks at the whole map, or mends it: not with --tile")
+            raise BadOption(f"--{name.replace('_', '-')}", why)
     if request["base_depth"] is not None and request["base_level"] is not None:
         raise BadOption("--base-level", "say how deep the base lies or at which height, not both")
     if not request["join"] and (request["picture"] or request["report"]):
@@ -124,9 +139,7 @@ def _one_by_one(order: _Order, tiles: MapTiles, bench: Bench) -> _Made:
     for number, tile in enumerate(order.tiles, 1):
         try:
             _one(order, tile, tiles, (made, bench, f"tile {number} of {len(order.tiles)}"))
-        except InputError:
-            raise
-        except ReconError as problem:
+        except (BadGeometry, Refusal) as problem:
             made.reasons.append(f"{tile_label(tile)}: {problem}")
     return made
 
@@ -136,14 +149,13 @@ def _one(order: _Order, tile: Place, tiles: MapTiles, into: tuple[_Made, Bench, 
     with bench.phase("reconstruct", where):
         ground = tiles.tile(tile)
         network = terrain_network(ground)
-        row = {"tile": tile_label(tile), "patches": ground.n_patches,
-               "g1_max_deg": float(np.degrees(edge_angles(ground).max(initial=0.0)))}  # fmt: skip
+        row = {"tile": tile_label(tile), "patches": ground.n_patches, "g1_max_deg": g1_max_deg(ground)}
     shape, kind = _shape(order, network)
     report, written = _proven(
         order, shape, kind, (tile_files(order.request["outputs"], tile), f"-{tile_label(tile)}", bench)
     )
     made.rows.append(row)
-    made.reports.append(report)
+    made.kernels.append(report.as_json())
     made.written.extend(written)
     made.reasons.extend(f"{tile_label(tile)}: {defect}" for defect in report.defects)
 
@@ -155,13 +167,12 @@ def _joined(order: _Order, tiles: MapTiles, bench: Bench) -> _Made:
         with bench.phase("reconstruct", f"tile {number} of {len(order.tiles)}"):
             ground = tiles.tile(tile)
             networks.append(terrain_network(ground))
-            angle = float(np.degrees(edge_angles(ground).max(initial=0.0)))
-            made.rows.append({"tile": tile_label(tile), "patches": ground.n_patches, "g1_max_deg": angle})
+            made.rows.append({"tile": tile_label(tile), "patches": ground.n_patches, "g1_max_deg": g1_max_deg(ground)})
     border = float(np.degrees(border_angles(networks).max(initial=0.0)))
     with bench.phase("brep", "joining the tiles"):
         shape, kind = _shape(order, joined_network(networks))
     report, written = _proven(order, shape, kind, (order.request["outputs"], "", bench))
-    return _Made(made.rows, [report], written, [str(defect) for defect in report.defects], border)
+    return _Made(made.rows, [report.as_json()], written, [str(defect) for defect in report.defects], border)
 
 
 def _shape(order: _Order, network: PatchNetwork) -> tuple[TopoDS_Shape, ShapeKind]:

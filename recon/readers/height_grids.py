@@ -4,7 +4,7 @@ JSON  {"width": nx, "height": ny, "values": [...]} row by row, north to south; "
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from recon.errors import ReconError, UnreadableFile
 from recon.geometry.contour_map import HeightGrid
 from recon.geometry.height_source import HeightSource
+from recon.readers.ascii_rows import AsciiRows
 from recon.readers.content import file_bytes, file_text, require_plain_file
 from recon.readers.projection import IN_DEGREES, in_utm_grid, require_rasterio
 
@@ -25,6 +26,7 @@ Floats = NDArray[np.float64]
 
 GRID_ENDINGS = (".asc", ".json", ".tif", ".tiff", ".hgt")
 CELL = 10.0
+LONG = 2**26  # bytes of a text file that is read by windows: a map of some ten million heights
 
 
 def read_height_grid(path: str | Path, *, project: bool = False) -> HeightGrid:
@@ -41,11 +43,17 @@ def read_height_grid(path: str | Path, *, project: bool = False) -> HeightGrid:
 
 
 def open_height_grid(path: str | Path, *, project: bool = False) -> HeightSource:
-    """The same grid, read window by window; a text file, and one that is brought from degrees, as a whole all the same.
+    """The same grid, read window by window; a short text file, JSON, and one that is brought from degrees, as a whole
+    all the same.
 
-    Raises   as `read_height_grid`, for a faulty part once that is read.
+    Raises   as `read_height_grid`, for a faulty part once that is read; UnreadableFile for a long text file whose rows
+             are not one a line.
     """
     file = require_plain_file(path, GRID_ENDINGS)
+    if file.suffix.lower() == ".asc" and file.stat().st_size > LONG:
+        with _told_of(file):
+            rows = AsciiRows(file)
+            return HeightSource(*_ascii_axes(rows.header), "", _TextWindows(file, rows))
     if file.suffix.lower() in (".asc", ".json"):
         return HeightSource.of(read_height_grid(file))
     rasterio = require_rasterio(str(path))
@@ -54,6 +62,21 @@ def open_height_grid(path: str | Path, *, project: bool = False) -> HeightSource
             x, y = _axes(file, source.transform, source.shape)
             return HeightSource(x, y, "" if source.crs is None else source.crs.to_string(), _Windows(file, len(y)))
     return HeightSource.of(read_height_grid(file, project=project))
+
+
+@dataclass(frozen=True, eq=False)
+class _TextWindows:
+    """Reads windows of a long text file, which lies with the north up."""
+
+    path: Path
+    text: AsciiRows
+
+    def __call__(self, rows: slice, columns: slice) -> Floats:
+        n_rows = int(self.text.header["nrows"])
+        first, stop, _ = rows.indices(n_rows)
+        with _told_of(self.path):
+            values = self.text.rows(n_rows - stop, n_rows - first)[::-1, columns]
+        return _known(values, self.text.header)
 
 
 @dataclass(frozen=True)
@@ -99,13 +122,23 @@ def _ascii(path: Path) -> HeightGrid:
     while words[start][0].isalpha():
         header[words[start].lower()] = float(words[start + 1])
         start += 2
-    nx, ny, cell = int(header["ncols"]), int(header["nrows"]), header["cellsize"]
+    nx, ny = int(header["ncols"]), int(header["nrows"])
     values = np.array(words[start:], dtype=np.float64).reshape(ny, nx)[::-1]
-    values = np.where(values == header.get("nodata_value", np.nan), np.nan, values)
+    return HeightGrid(*_ascii_axes(header), _known(values, header))
+
+
+def _known(values: Floats, header: Mapping[str, float]) -> Floats:
+    """Heights with NaN where none was measured."""
+    return np.where(values == header.get("nodata_value", np.nan), np.nan, values)
+
+
+def _ascii_axes(header: Mapping[str, float]) -> tuple[Floats, Floats]:
+    """Coordinates of columns and rows."""
+    nx, ny, cell = int(header["ncols"]), int(header["nrows"]), header["cellsize"]
     x0 = header["xllcenter"] if "xllcenter" in header else header["xllcorner"] + cell / 2
     y0 = header["yllcenter"] if "yllcenter" in header else header["yllcorner"] + cell / 2
     x, y = (np.array([first + cell * k for k in range(n)]) for first, n in ((x0, nx), (y0, ny)))
-    return HeightGrid(x, y, values)
+    return x, y
 
 
 def _raster(path: Path, *, project: bool) -> HeightGrid:

@@ -12,7 +12,7 @@ Tiles are counted as sheets of a map are: rows from the north, columns from the 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from recon.geometry.contour_map import ContourMap, HeightGrid
 from recon.geometry.height_source import HeightSource
 from recon.terrain.border import Border, BorderVertices
 from recon.terrain.contouring import clear_of_multiples, contours_through, least_step
-from recon.terrain.pipeline import SHARE_OF_SPACING, Terrain, TerrainOptions, terrain_surface
+from recon.terrain.pipeline import SHARE_OF_SPACING, PatchKind, Terrain, TerrainOptions, terrain_surface
 from recon.terrain.seams import Stretch, node_vertex, seam_vertices
 
 __all__ = ["MapTiles", "Place", "TiledMap", "lattice", "plan_tiles"]
@@ -69,6 +69,11 @@ class TiledMap:
         return np.round([(x[0] + x[-1]) / 2, (y[0] + y[-1]) / 2])
 
     @property
+    def seam_options(self) -> TerrainOptions:
+        """Of the ground across borders, whose jets are wanted and no patches."""
+        return replace(self.options, patches=PatchKind.POLYNOMIAL)
+
+    @property
     def spacing(self) -> float:
         return point_spacing_of(self.source)
 
@@ -87,11 +92,11 @@ def point_spacing_of(source: HeightSource) -> float:
     return POINTS_A_CELL * float(np.sqrt(cells[0] * cells[1]))
 
 
-def plan_tiles(source: HeightSource, interval: float, size: float, tolerance: float | None = None) -> TiledMap:
+def plan_tiles(source: HeightSource, interval: float, size: float, options: TerrainOptions | None = None) -> TiledMap:
     """Look through a grid, block by block, and lay the lattice: tiles of about `size` metres, none below half of it.
 
     Raises  BadOption when the interval is not positive, a tile would be too small, or no height lies beyond a contour;
-            BadGeometry where a height is not known.
+            BadGeometry when no height is known.
     """
     if not 0 < interval < np.inf:
         raise BadOption("--interval", f"must be a positive height in metres, not {interval}")
@@ -99,7 +104,8 @@ def plan_tiles(source: HeightSource, interval: float, size: float, tolerance: fl
     lowest, highest, step = _looked_through(source)
     if np.floor(lowest / interval) == np.floor(highest / interval):
         raise BadOption("--interval", f"{interval:g} m gives no contour between {lowest:g} and {highest:g} m")
-    options = TerrainOptions(tolerance=tolerance or SHARE_OF_SPACING * point_spacing_of(source))
+    options = options or TerrainOptions()
+    options = replace(options, tolerance=options.tolerance or SHARE_OF_SPACING * point_spacing_of(source))
     return TiledMap(source, rows, columns, interval, step, lowest, highest, options)
 
 
@@ -125,12 +131,11 @@ def _looked_through(source: HeightSource) -> tuple[float, float, float]:
     ranges = []
     for first in range(0, len(source.y), BLOCK):
         z = source.read(slice(first, first + BLOCK), slice(None))
-        unknown = np.argwhere(~np.isfinite(z))
-        if len(unknown):
-            j, i = unknown[0]
-            where = f"({source.x[i]:.1f}, {source.y[first + j]:.1f})"
-            raise BadGeometry("grid", f"has no height near {where}; tiles need all: fill its voids first")
-        ranges.append((z.min(), z.max(), least_step(z)))
+        known = z[np.isfinite(z)]
+        if len(known):
+            ranges.append((known.min(), known.max(), least_step(z)))
+    if not ranges:
+        raise BadGeometry("grid", "holds no height at all")
     low, high, step = np.array(ranges).T
     return float(low.min()), float(high.max()), float(step.min())
 
@@ -145,7 +150,8 @@ class MapTiles:
     def tile(self, tile: Place, doing: Callable[[str], None] = lambda step: None) -> Terrain:
         """The ground of one tile, which is (row from the north, column from the west).
 
-        Raises  BadGeometry naming a place, as `terrain_surface` does.
+        Raises  BadGeometry naming a place, as `terrain_surface` does, and where a height is not known in the tile or
+                within the margin of its borders.
         """
         rows, columns = self.plan.extent(tile)
         doing("finding the borders")
@@ -195,7 +201,7 @@ class MapTiles:
         contours = contours_through(grid, self._levels(grid))
         border = self._border(BorderVertices.none())
         told = contours is not None and np.ptp(contours.heights) > 0  # one level tells no slope
-        ground = terrain_surface(contours, self.plan.options, border=border) if told and contours else None
+        ground = terrain_surface(contours, self.plan.seam_options, border=border) if told and contours else None
         offset = rows.start, columns.start
         places = [(j - offset[0], i - offset[1]) for j, i in (start, end)]
         return Stretch(grid, places[0], places[1], ground, self.plan.origin, self.plan.spacing, self.plan.interval)
@@ -215,6 +221,15 @@ class MapTiles:
     def _heights(self, rows: slice, columns: slice) -> HeightGrid:
         """Heights off the contours' levels, the same in every window: so one row more is read on every side."""
         more = [slice(max(part.start - 1, 0), part.stop + 1) for part in (rows, columns)]
-        grid = clear_of_multiples(self.plan.source.window(*more), self.plan.interval, self.plan.step)
+        given = self.plan.source.window(*more)
+        unknown = np.argwhere(~np.isfinite(given.heights))
+        if len(unknown):
+            y, x = given.y[unknown[0][0]], given.x[unknown[0][1]]
+            raise BadGeometry(
+                "tile",
+                f"no height is known at ({x:.1f}, {y:.1f}), in the tile or within {MARGIN} cells of it; fill voids"
+                " first, or make the map as a whole (without --tile), which leaves them out",
+            )
+        grid = clear_of_multiples(given, self.plan.interval, self.plan.step)
         j, i = (slice(part.start - wide.start, part.stop - wide.start) for part, wide in zip((rows, columns), more))
         return HeightGrid(grid.x[i], grid.y[j], grid.heights[j, i], grid.crs)

@@ -151,10 +151,11 @@ def _refuse_meetings(curves: ContourCurves, lost: Ints) -> None:
 
 def _border_points(taken: Floats, frame: Frame) -> Floats:
     """Free vertices on the border: given ones, its corners, and points between all those and the places taken."""
-    sides, taken = frame.contours.sides(), np.vstack([taken, frame.border])
-    corners = np.unique(sides[:, 0], axis=0)
-    corners = corners[cKDTree(taken).query(corners)[0] > 0.0]
-    known, added = np.vstack([taken, corners]), [frame.border, corners]
+    sides = frame.contours.sides()
+    given = _untaken(frame.border, taken)  # a finer tiling has them among its free vertices
+    taken = np.vstack([taken, given])
+    corners = _untaken(np.unique(sides[:, 0], axis=0), taken)
+    known, added = np.vstack([taken, corners]), [given, corners]
     for side, (_, share) in zip(sides, _along(known, sides)):
         along = np.unique(np.r_[0.0, share, 1.0])
         gap = np.diff(along) * np.linalg.norm(side[1] - side[0])
@@ -165,6 +166,10 @@ def _border_points(taken: Floats, frame: Frame) -> Floats:
         at = (along[leg] + step * np.diff(along)[leg])[new, None]
         added.append(side[0] + at * (side[1] - side[0]))
     return _each_once(np.vstack(added))
+
+
+def _untaken(points: Floats, taken: Floats) -> Floats:
+    return points[cKDTree(taken).query(points)[0] > 0.0] if len(points) else points
 
 
 def _along(points: Floats, sides: Floats) -> list[tuple[Ints, Floats]]:

@@ -20,6 +20,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 import brep_export.check as gate
+import brep_export.check_geometry as check_geometry
 from brep_export.check import CheckReport, ShapeKind, check
 from brep_export.check_topology import sub_shapes
 from brep_export.close_look import cut_faces_still_cut
@@ -32,6 +33,13 @@ from recon.tolerance import Tolerance
 
 TOLERANCE = Tolerance()
 SOUND = sound_shapes()
+
+
+@pytest.fixture(params=["at once", "face by face"], autouse=True)
+def _kernel_looks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the kernel is shown of a shape at once must not matter to what the gate says."""
+    if request.param == "face by face":
+        monkeypatch.setattr(check_geometry, "MANY", 1)
 
 
 def codes(shape: TopoDS_Shape, *, expect: ShapeKind = ShapeKind.SOLID) -> list[str]:

@@ -55,6 +55,31 @@ def test_joined_tiles_are_one_solid_without_walls_within(ridge, tmp_path):
     assert result["room"]["border_max_deg"] < 1e-6
 
 
+def test_tiles_beside_a_void_are_named_and_the_others_written(tmp_path):
+    n = 150
+    x, y = np.meshgrid(10.0 * np.arange(n), 10.0 * np.arange(40))
+    z = 4.0 + 60.0 * np.sin(x / 150) ** 2 + 0.05 * y
+    z[20, 5] = -9999
+    path = tmp_path / "long.asc"
+    head = f"ncols {n}\nnrows 40\nxllcenter 0\nyllcenter 0\ncellsize 10\nnodata_value -9999\n"
+    path.write_text(head + "\n".join(" ".join(map(repr, row)) for row in z[::-1].tolist()))
+    answer = run(path, "--tile", 0.39, "--base-depth", 20, "-o", tmp_path / "r.step")
+    result = json.loads(answer.stdout)
+    assert answer.exit_code == 1
+    assert [reason[:5] for reason in result["reasons"]] == ["r0-c0", "r0-c1"]
+    assert "no height is known at (50.0, 200.0)" in result["reasons"][0]
+    assert sorted(p.name for p in tmp_path.glob("r*.step")) == ["r-r0-c2.step", "r-r0-c3.step"]
+
+
+def test_gregory_tiles_join_to_one_solid_within_the_angle(ridge, tmp_path):
+    options = ["--patches", "gregory", "--angle", 0.05, "--tile", 0.2, "--join", "--base-depth", 20]
+    result = json.loads(run(ridge, *options, "-o", tmp_path / "r.step").stdout)
+    assert result["reasons"] == []
+    assert result["kernel"]["solids"] == 1
+    assert 1e-6 < result["room"]["border_max_deg"] < 0.05
+    assert result["room"]["g1_max_deg"] < 0.05
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [

@@ -8,8 +8,9 @@ from generated_mountains import mountain_contours, mountain_grid
 
 from recon.errors import BadGeometry, BadOption, UnreadableFile, UnsupportedFormat
 from recon.geometry.contour_map import HeightGrid
+from recon.readers import height_grids
 from recon.readers.contours import read_contours
-from recon.readers.height_grids import read_height_grid
+from recon.readers.height_grids import open_height_grid, read_height_grid
 from recon.terrain.contouring import contour_grid, largest_piece
 
 UTM = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::26910"}}
@@ -94,6 +95,41 @@ def test_ascii_and_json_grids_give_back_the_heights(tmp_path):
         np.testing.assert_allclose(again.heights, grid.heights)
         np.testing.assert_allclose(again.x, grid.x)
         np.testing.assert_allclose(again.y, grid.y)
+
+
+def long_text(tmp_path, monkeypatch, rows):
+    """A text file that counts as a long one."""
+    monkeypatch.setattr(height_grids, "LONG", 0)
+    path = tmp_path / "grid.asc"
+    head = f"NCOLS {len(rows[0].split())}\nNROWS 150\nXLLCENTER 5\nYLLCENTER 7\nCELLSIZE 10\nNODATA_VALUE -9999\n"
+    path.write_text(head + "\n".join(rows) + "\n")
+    return path
+
+
+def test_windows_of_a_long_text_grid_hold_the_heights_of_the_whole(tmp_path, monkeypatch):
+    values = np.random.default_rng(1).uniform(-50.0, 900.0, (150, 40)).round(3)
+    values[3, 7] = -9999
+    path = long_text(tmp_path, monkeypatch, [" ".join(map(str, row)) for row in values.tolist()])
+    whole, source = read_height_grid(path), open_height_grid(path)
+    assert np.isnan(whole.heights).sum() == 1
+    np.testing.assert_array_equal(source.x, whole.x)
+    np.testing.assert_array_equal(source.y, whole.y)
+    for rows, columns in (
+        (slice(0, 150), slice(0, 40)),
+        (slice(61, 66), slice(5, 6)),
+        (slice(140, 400), slice(30, 99)),
+    ):
+        np.testing.assert_array_equal(source.read(rows, columns), whole.heights[rows, columns])
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "told"),
+    [("1 2 3", "row 150 has 3 heights"), ("1 2 x 4", "row 150: could not convert.* b'x'"), ("", "one a line")],
+)
+def test_a_faulty_row_of_a_long_text_grid_is_named(tmp_path, monkeypatch, spoilt, told):
+    path = long_text(tmp_path, monkeypatch, ["1 2 3 4"] * 149 + [spoilt])
+    with pytest.raises(UnreadableFile, match=told):
+        open_height_grid(path).read(slice(0, 2), slice(0, 4))
 
 
 @pytest.mark.parametrize("content", ["", "{}", "[1, 2]", "words"])

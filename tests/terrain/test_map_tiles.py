@@ -10,11 +10,12 @@ from brep_export.check import ShapeKind, check
 from recon.errors import BadGeometry, BadOption
 from recon.geometry.contour_map import HeightGrid
 from recon.geometry.height_source import HeightSource
+from recon.terrain import pipeline
 from recon.terrain.contouring import contour_grid
 from recon.terrain.evaluation import edge_angles, elevations
 from recon.terrain.map_tiles import MapTiles, plan_tiles
 from recon.terrain.network import border_angles, joined_network, terrain_network
-from recon.terrain.pipeline import terrain_surface
+from recon.terrain.pipeline import PatchKind, TerrainOptions, terrain_surface
 
 INTERVAL, SIZE = 10.0, 400.0
 
@@ -113,12 +114,57 @@ def test_the_slope_at_a_corner_that_is_a_side_is_that_of_the_ground():
     np.testing.assert_allclose(found, ground.jets.gradient[vertices], atol=1e-4)
 
 
-def test_a_grid_with_voids_or_too_small_tiles_is_refused():
-    grid = rough_grid(1)
+def test_tiles_away_from_a_void_are_those_of_the_full_grid(grounds):
+    grid = rough_grid(3)
     heights = grid.heights.copy()
-    heights[5, 7] = np.nan
-    with pytest.raises(BadGeometry, match="fill its voids"):
-        tiles_of(HeightGrid(grid.x, grid.y, heights))
+    heights[5, 7] = np.nan  # in the south west
+    tiles = tiles_of(HeightGrid(grid.x, grid.y, heights))
+    ground = tiles.tile((0, 2))
+    np.testing.assert_array_equal(ground.tiling.points, grounds[0, 2].tiling.points)
+    np.testing.assert_array_equal(ground.jets.height, grounds[0, 2].jets.height)
+    with pytest.raises(BadGeometry, match=r"no height is known at \(70.0, 50.0\)"):
+        tiles.tile((2, 0))
+
+
+def test_a_tile_whose_patches_are_made_again_finer_keeps_its_border(grounds, monkeypatch):
+    limited, calls = pipeline.limited_jets, []
+
+    def first_patch_astray(*arguments):
+        calls.append(len(arguments[1].corners))
+        jets, nets, _ = limited(*arguments)
+        return jets, nets, np.arange(2 - len(calls))
+
+    tiles = tiles_of(rough_grid(3))
+    border = tiles.around((1, 1))
+    monkeypatch.setattr(pipeline, "limited_jets", first_patch_astray)
+    ground = tiles.tile((1, 1))
+    assert calls == [grounds[1, 1].n_patches, ground.n_patches]
+    assert calls[1] > calls[0]
+    assert border.points.tobytes() == ground.tiling.points[_rows_of(border.points, ground.tiling.points)].tobytes()
+
+
+def _rows_of(places, points):
+    return [int(np.flatnonzero((points == place).all(axis=1))[0]) for place in places]
+
+
+def test_gregory_tiles_meet_within_the_angle_and_close():
+    options = TerrainOptions(patches=PatchKind.GREGORY, angle=0.1)
+    tiles = MapTiles(plan_tiles(HeightSource.of(mountain_grid(1)), 5.0, 250.0, options))
+    rows, columns = tiles.plan.shape
+    grounds = [tiles.tile((r, c)) for r in range(rows) for c in range(columns)]
+    networks = [terrain_network(ground) for ground in grounds]
+    assert len(border_angles(networks)) > 20
+    assert np.degrees(border_angles(networks).max()) < 0.1
+    whole = joined_network(networks)
+    report = check(block_solid(whole, lowest_place(whole) - 5, TOLERANCE), TOLERANCE, expect=ShapeKind.SOLID)
+    assert report.defects == ()
+    assert len(whole.patches) + 5 == report.as_json()["faces"]
+
+
+def test_grids_without_heights_or_contours_and_too_small_tiles_are_refused():
+    grid = rough_grid(1)
+    with pytest.raises(BadGeometry, match="no height"):
+        plan_tiles(HeightSource(grid.x, grid.y, "", lambda r, c: np.full_like(grid.heights, np.nan)[r, c]), 10.0, SIZE)
     with pytest.raises(BadOption, match="--tile"):
         plan_tiles(HeightSource.of(grid), INTERVAL, 100.0)
     with pytest.raises(BadOption, match="no contour"):
