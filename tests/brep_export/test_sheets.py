@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+from sheets import pierced, sheet
 
 from brep_export.check import ShapeKind, check
+from brep_export.measures import measure
 from brep_export.sheets import pierced_shell, trimmed_shell
 from brep_export.shells import network_shell
 from brep_export.solids import network_solid
+from recon.geometric_fit.spline_fit import fit_sheet
+from recon.geometric_fit.trimming import trimmed_sheet
 from recon.geometry.bspline import BSplineCurve, BSplineSurface
 from recon.geometry.patches import connect
 from recon.geometry.trimmed import TrimLoop, TrimmedSurface
@@ -63,9 +67,17 @@ def test_a_plane_cut_by_two_circles_has_the_area_between_them():
     report.require()
     figures = report.as_json()
     outer, inner = (64.0 * abs(loop.signed_area()) for loop in loops)
-    # the kernel's own area of a trimmed face is not nearer than this
+    # the kernel's rule along the loops is not nearer than this
     assert figures["area"] == pytest.approx(outer - inner, rel=3e-3)
     assert figures["free_edges"] == 2 and not figures["closed"]
+
+
+def test_the_face_of_a_scan_with_a_hole_has_the_area_of_the_scan():
+    scan = pierced(sheet(40), (np.array([2.0, 1.0, 0.183]), 0.3))
+    cut = trimmed_sheet(fit_sheet(scan))
+    shape = trimmed_shell(TrimmedSurface(cut.surface, cut.loops), Tolerance(merge=1e-6, fit=1e-3))
+    area = float(np.linalg.norm(scan.area_vectors(), axis=1).sum())
+    assert measure(shape).area == pytest.approx(area, rel=5e-3)
 
 
 def test_a_tube_has_one_face_a_seam_and_two_free_edges():
