@@ -140,13 +140,16 @@ def test_fandisk_keeps_its_edges():
     assert np.quantile(off, 0.98) < 0.05
 
 
-def test_the_fit_of_a_cut_off_cube_has_its_edges():
-    fitted = fit_surface(cut_off_cube(30), FitOptions(control_points=150))
-    vertices = fitted.mesh.vertices @ TURN
-    creases = fitted.mesh.crease_edges
-    ends = np.sort(np.abs(vertices[creases]), axis=2)
-    assert (np.abs(ends[..., 1:] - 1.0) < 0.4 * CELL).all(axis=(1, 2)).mean() > 0.8
-    edge = np.linspace(-0.95, 0.95, 50)
+def test_the_fits_of_a_cut_off_cube_have_its_edges():
+    scan, edge = cut_off_cube(30), np.linspace(-0.95, 0.95, 50)
     places = np.concatenate([np.roll(np.stack([edge, 0 * edge + 1, 0 * edge + 1], 1), k, axis=1) for k in range(3)])
-    # one edge is put back with a kink of 0.3998 cells, and rounding decides what the fit makes of it
-    assert closest_points(places, vertices, creases[:, [0, 1, 1]]).distances.max() < 0.5 * CELL
+    on_edges, farthest = [], []
+    for count in (100, 145, 150, 155, 180):
+        fitted = fit_surface(scan, FitOptions(control_points=count))
+        vertices, creases = fitted.mesh.vertices @ TURN, fitted.mesh.crease_edges
+        ends = np.sort(np.abs(vertices[creases]), axis=2)
+        on_edges.append((np.abs(ends[..., 1:] - 1.0) < 0.4 * CELL).all(axis=(1, 2)).mean())
+        farthest.append(closest_points(places, vertices, creases[:, [0, 1, 1]]).distances.max())
+    assert min(on_edges) > 0.8
+    # an edge is put back with a kink of 0.3998 cells, and rounding decides what a single fit makes of it
+    assert np.median(farthest) < 0.4 * CELL and max(farthest) < 0.5 * CELL
