@@ -21,11 +21,12 @@ from OCP.gp import gp_Ax3, gp_Cone, gp_Cylinder, gp_Dir, gp_Pln, gp_Pnt, gp_Sphe
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
 from brep_export.check_geometry import max_tolerance
 from brep_export.check_topology import sub_shapes
+from brep_export.compounds import compound_of, one_or_compound
 from brep_export.faces import BUILDER
 from brep_export.kernel_settings import KERNEL_FAILURES
 from brep_export.shells import make_shell
@@ -123,10 +124,7 @@ def _representative(cell: TopoDS_Shape, inward: float, deflection: float) -> tup
 
 def _boundary(cells: list[TopoDS_Shape], deflection: float) -> TopoDS_Shape:
     """The solids whose faces are those that only one of the cells has."""
-    compound = TopoDS_Compound()
-    BUILDER.MakeCompound(compound)
-    for cell in cells:
-        BUILDER.Add(compound, cell)
+    compound = compound_of(cells)
     owners = TopTools_IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndAncestors_s(compound, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SOLID, owners)
     faces: list[TopoDS_Shape] = []
@@ -183,13 +181,7 @@ def _solids(groups: list[list[TopoDS_Shape]], deflection: float) -> TopoDS_Shape
         if not around:
             raise NoSolid("a void lies in no body")
         BUILDER.Add(min(around, key=lambda o: o[0])[1], shell)
-    if len(outer) == 1:
-        return outer[0][1]
-    compound = TopoDS_Compound()
-    BUILDER.MakeCompound(compound)
-    for _, solid, _ in outer:
-        BUILDER.Add(compound, solid)
-    return compound
+    return one_or_compound([solid for _, solid, _ in outer])
 
 
 def _unified(shape: TopoDS_Shape) -> TopoDS_Shape:

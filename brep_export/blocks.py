@@ -8,7 +8,6 @@
      base
 """
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.Geom import Geom_Line, Geom_Plane
 from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
-from OCP.TopoDS import TopoDS_Compound, TopoDS_Edge, TopoDS_Shape, TopoDS_Solid, TopoDS_Vertex
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape, TopoDS_Solid, TopoDS_Vertex
 
 from brep_export.faces import BUILDER, make_edge, make_face, make_vertex, make_wire, turned
 from brep_export.shells import NetworkFaces, make_shell, network_faces
@@ -24,7 +23,7 @@ from recon.errors import NotManifold
 from recon.geometry.patches import COLLAPSED, PatchNetwork, side_curve
 from recon.tolerance import Tolerance
 
-__all__ = ["block_solid", "side_by_side"]
+__all__ = ["block_solid"]
 
 Floats = NDArray[np.float64]
 FLAT = 1e-9  # length: how far rounding may lift a control point of an edge in the base
@@ -79,17 +78,6 @@ def block_solid(network: PatchNetwork, level: float, tolerance: Tolerance) -> To
     BUILDER.Add(solid, make_shell([*made.faces, *walls, base], closed=True))
     solid.Closed(True)
     return solid
-
-
-def side_by_side(solids: Sequence[TopoDS_Solid]) -> TopoDS_Solid | TopoDS_Compound:
-    """The one solid, or a compound of several."""
-    if len(solids) == 1:
-        return solids[0]
-    together = TopoDS_Compound()
-    BUILDER.MakeCompound(together)
-    for solid in solids:
-        BUILDER.Add(together, solid)
-    return together
 
 
 def _is_on_base(network: PatchNetwork, step: _Step, level: float) -> bool:

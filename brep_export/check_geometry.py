@@ -7,23 +7,24 @@ gap    largest distance between the curve in space and the curve on a face, or o
 angle  between the tangent planes of two faces at a point of their common edge; 0 where they join smoothly
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from math import degrees, inf
 
 import numpy as np
 from numpy.typing import NDArray
 from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
-from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Result, BRepCheck_Shell, BRepCheck_Solid, BRepCheck_Status
 from OCP.BRepLib import BRepLib_ValidateEdge
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_Shape, GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from brep_export.check_topology import EdgeUses, count, each_once, edge_polyline, sub_shapes
+from brep_export.compounds import compound_of
 from brep_export.survey import Survey
 from recon.geometry.cone_volume import surface_tangents
 from recon.geometry.promises import Defect
@@ -209,7 +210,7 @@ def _found_by_parts(shape: TopoDS_Shape) -> tuple[Found, bool]:
         _note(found, BRepCheck_Shell(TopoDS.Shell_s(shell)), shell)
     faces, valid = each_once(shape, TopAbs_ShapeEnum.TopAbs_FACE), found.keys() <= {BRepCheck_Status.BRepCheck_NoError}
     for first in range(0, len(faces), MANY):
-        more, sound = _found_whole(_together(faces[first : first + MANY]))
+        more, sound = _found_whole(compound_of(faces[first : first + MANY]))
         valid = valid and sound
         found = more | found
     return found, valid
@@ -224,14 +225,6 @@ def _note(found: Found, result: BRepCheck_Result, part: TopoDS_Shape) -> None:
         for status in result.StatusOnShape():
             found.setdefault(status, _place(part))
         result.NextShapeInContext()
-
-
-def _together(faces: Sequence[TopoDS_Shape]) -> TopoDS_Compound:
-    builder, compound = BRep_Builder(), TopoDS_Compound()
-    builder.MakeCompound(compound)
-    for face in faces:
-        builder.Add(compound, face)
-    return compound
 
 
 def _place(part: TopoDS_Shape) -> Point | None:

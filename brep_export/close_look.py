@@ -6,11 +6,11 @@ That is where many faces have small ones. The kernel may also cover a corner of 
 from collections.abc import Sequence
 
 import numpy as np
-from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS_Compound, TopoDS_Face
+from OCP.TopoDS import TopoDS_Face
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from brep_export.compounds import compound_of
 from brep_export.triangulation import ShapeTriangulation, triangulate
 from recon.geometry.promises import crowded_pairs, cutting_pairs
 
@@ -38,7 +38,7 @@ def cut_faces_still_cut(coarse: ShapeTriangulation, faces: Sequence[TopoDS_Face]
         times, numbers, count = waiting.pop()
         if times == len(FINER) or GROWTH * count > MOST:
             return True
-        triangles = triangulate(_alone([faces[number] for number in numbers]), deflection / FINER[times])
+        triangles = triangulate(compound_of(faces[number] for number in numbers), deflection / FINER[times])
         waiting += [(times + 1, [numbers[number] for number in group], count) for group, count in _groups(triangles)]
     return False
 
@@ -54,11 +54,3 @@ def _groups(triangles: ShapeTriangulation) -> list[tuple[list[int], int]]:
     )
     sizes = np.bincount(triangles.triangle_face, minlength=int(cutting.max(initial=0)) + 1)[cutting]
     return [(cutting[group == g].tolist(), int(sizes[group == g].sum())) for g in range(n_groups)]
-
-
-def _alone(faces: Sequence[TopoDS_Face]) -> TopoDS_Compound:
-    compound, builder = TopoDS_Compound(), BRep_Builder()
-    builder.MakeCompound(compound)
-    for face in faces:
-        builder.Add(compound, face)
-    return compound

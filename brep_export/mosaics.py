@@ -15,6 +15,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from brep_export.compounds import one_or_compound
 from brep_export.curves import kernel_curve
 from brep_export.faces import (
     BUILDER,
@@ -74,13 +75,7 @@ def mosaic_shape(mosaic: PatchMosaic, tolerance: Tolerance) -> TopoDS_Solid | To
         _body([faces[p] for p in np.flatnonzero(part == k)], float(volumes[k]), closed=bool(c))
         for k, c in enumerate(closed)
     ]
-    if len(made) == 1:
-        return made[0]
-    compound = TopoDS_Compound()
-    BUILDER.MakeCompound(compound)
-    for body in made:
-        BUILDER.Add(compound, body)
-    return compound
+    return one_or_compound(made)
 
 
 def _body(faces: list[TopoDS_Shape], volume: float, *, closed: bool) -> TopoDS_Solid | TopoDS_Shell:

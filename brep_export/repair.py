@@ -16,10 +16,11 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepLib import BRepLib
 from OCP.ShapeFix import ShapeFix_Shell
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
+from OCP.TopoDS import TopoDS, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
 
 from brep_export.check_geometry import edge_gaps
 from brep_export.check_topology import sub_shapes
+from brep_export.compounds import one_or_compound
 from brep_export.survey import Survey, survey
 from recon.tolerance import Tolerance
 
@@ -57,7 +58,7 @@ def repair(shape: TopoDS_Shape, tolerance: Tolerance) -> tuple[TopoDS_Shape, lis
     changes = [change for change in changes if change.times]
     if not any(change.code in _REBUILDS for change in changes):
         return shape, changes
-    return _together([*solids, *loose]), changes
+    return one_or_compound([*solids, *loose]), changes
 
 
 _REBUILDS = ("face-turned", "solid-made", "solid-turned", "shell-marked")
@@ -131,13 +132,3 @@ def _outward(shells: list[TopoDS_Shell]) -> tuple[TopoDS_Solid, bool]:
     before = [face.Orientation() for face in sub_shapes(solid, _FACE)]
     BRepLib.OrientClosedSolid_s(solid)
     return solid, before != [face.Orientation() for face in sub_shapes(solid, _FACE)]
-
-
-def _together(parts: list[TopoDS_Shape]) -> TopoDS_Shape:
-    if len(parts) == 1:
-        return parts[0]
-    builder, compound = BRep_Builder(), TopoDS_Compound()
-    builder.MakeCompound(compound)
-    for part in parts:
-        builder.Add(compound, part)
-    return compound

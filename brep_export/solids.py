@@ -24,6 +24,7 @@ from OCP.TopoDS import (
     TopoDS_Vertex,
 )
 
+from brep_export.compounds import one_or_compound
 from brep_export.curves import kernel_curve, kernel_pcurve
 from brep_export.faces import (
     BUILDER,
@@ -120,14 +121,7 @@ def mesh_solid(mesh: TriangleMesh, tolerance: Tolerance) -> TopoDS_Solid | TopoD
 
 def solids_of(bodies: list[list[tuple[TopoDS_Shell, float]]], what: str) -> TopoDS_Solid | TopoDS_Compound:
     """One solid a body, given by its shells as for `solid_of`, whose errors it raises; a compound of several."""
-    solids = [solid_of(body, what) for body in bodies]
-    if len(solids) == 1:
-        return solids[0]
-    compound = TopoDS_Compound()
-    BUILDER.MakeCompound(compound)
-    for solid in solids:
-        BUILDER.Add(compound, solid)
-    return compound
+    return one_or_compound([solid_of(body, what) for body in bodies])
 
 
 def solid_of(shells: list[tuple[TopoDS_Shell, float]], what: str) -> TopoDS_Solid:

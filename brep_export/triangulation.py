@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.Poly import Poly_Triangulation
@@ -24,6 +24,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from brep_export.check_topology import sub_shapes
+from brep_export.compounds import compound_of
 from brep_export.flat_faces import FlatFaces
 from recon.geometry.mesh import TriangleMesh
 
@@ -80,10 +81,7 @@ def _around_triangles(planes: FlatFaces, deflection: float, angle: float, name: 
     faces = planes.uses.faces
     known, corners = planes.triangles()
     rest = np.setdiff1d(np.arange(len(faces)), known)
-    compound, builder = TopoDS_Compound(), BRep_Builder()
-    builder.MakeCompound(compound)
-    for face in rest.tolist():
-        builder.Add(compound, faces[face])
+    compound = compound_of(faces[face] for face in rest.tolist())
     copy = BRepBuilderAPI_Copy(compound, False, False)
     if len(rest):
         BRepMesh_IncrementalMesh(copy.Shape(), deflection, False, angle, False)

@@ -16,8 +16,9 @@ from brep_export.app.outputs import check_destinations
 from brep_export.app.result import result
 from brep_export.app.scene import Measured, line_part, point_part
 from brep_export.app.workshop import Bench, Exit
-from brep_export.blocks import block_solid, side_by_side
+from brep_export.blocks import block_solid
 from brep_export.check import CheckReport, ShapeKind
+from brep_export.compounds import one_or_compound
 from brep_export.shells import network_shell
 from recon.errors import BadOption
 from recon.geometry.contour_map import ContourMap, HeightGrid
@@ -205,7 +206,7 @@ def _shape(ground: Terrain, request: Mapping[str, Any]) -> tuple[TopoDS_Shape, S
     base = lowest - depth if level is None else level
     grounds = [ground] if base < lowest else islands_above(ground, base)
     solids = [block_solid(stretched(terrain_network(part), stretch), base * stretch[2], TOLERANCE) for part in grounds]
-    return side_by_side(solids), ShapeKind.SOLID if len(solids) == 1 else ShapeKind.COMPOUND, scale
+    return one_or_compound(solids), ShapeKind.SOLID if len(solids) == 1 else ShapeKind.COMPOUND, scale
 
 
 def stretch_of(request: Mapping[str, Any]) -> NDArray[np.float64]:

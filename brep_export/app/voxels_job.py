@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from OCP.TopoDS import TopoDS_Compound, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Shape
 
 from brep_export.app.deliver import gate, write_files
 from brep_export.app.result import result, statistics
@@ -18,7 +18,7 @@ from brep_export.app.voxel_bodies import VoxelBody, analytic_body, dropped_bodie
 from brep_export.app.voxel_proof import DEFLECTION, FIT, FLAT
 from brep_export.app.workshop import Bench, Exit
 from brep_export.check import CheckReport, ShapeKind
-from brep_export.faces import BUILDER
+from brep_export.compounds import one_or_compound
 from brep_export.faceted_step import faceted_step_size, write_faceted_step
 from brep_export.file_header import FileHeader
 from brep_export.measures import measure
@@ -53,7 +53,7 @@ def voxels(request: Mapping[str, Any], bench: Bench) -> Answer:
     made = _by_blocks(request, options, block, bench) if block else _as_a_whole(request, options, bench)
     solids = made.bodies
     tolerance = Tolerance(merge=FLAT * made.voxel, fit=FIT * made.voxel)
-    shape = _together([body.shape for body in solids])
+    shape = one_or_compound([body.shape for body in solids])
     report = gate(shape, tolerance, ShapeKind.SOLID, bench)
     named = dict(request) | {"name": request["name"] or Path(request["inputs"][0]).name.split(".")[0]}
     straight = _written_straight(solids, named, report, bench)
@@ -171,16 +171,6 @@ def _cleaned(grid: VoxelGrid, request: Mapping[str, Any], bench: Bench) -> Voxel
     if len(dropped):
         bench.note(dropped_bodies(grid.name, dropped, int(solid.sum())), name="dropped")
     return grid.with_solid(solid)
-
-
-def _together(shapes: list[TopoDS_Shape]) -> TopoDS_Shape:
-    if len(shapes) == 1:
-        return shapes[0]
-    compound = TopoDS_Compound()
-    BUILDER.MakeCompound(compound)
-    for shape in shapes:
-        BUILDER.Add(compound, shape)
-    return compound
 
 
 def _written_straight(

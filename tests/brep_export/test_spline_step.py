@@ -9,10 +9,11 @@ from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
 from OCP.TopoDS import TopoDS
 from quad_meshes import with_handles
 
-from brep_export.blocks import block_solid, side_by_side
+from brep_export.blocks import block_solid
 from brep_export.check import ShapeKind, check
 from brep_export.check_geometry import max_tolerance
 from brep_export.check_topology import sub_shapes
+from brep_export.compounds import one_or_compound
 from brep_export.file_header import FileHeader, LengthUnit
 from brep_export.infinity import infinity_is_outside
 from brep_export.measures import measure
@@ -88,7 +89,7 @@ def test_the_file_tells_volume_area_and_centre(tmp_path):
 
 
 def test_several_solids_come_back_as_several(tmp_path):
-    both = side_by_side([block_solid(pyramid(), -1.0, TOLERANCE), block_solid(saddles(), -1.0, TOLERANCE)])
+    both = one_or_compound([block_solid(pyramid(), -1.0, TOLERANCE), block_solid(saddles(), -1.0, TOLERANCE)])
     assert write_spline_text(both, tmp_path / "part.step", FileHeader(), measure(both))
     assert write_step(both, tmp_path / "part.step").same
 
