@@ -66,8 +66,8 @@ def _of_one(face: TopoDS_Face, apex: tuple[float, float, float], relative_error:
     """(8,) of any face: area and centres as the kernel has them, the volume from the control points where it can be."""
     flat, place = GProp_GProps(), gp_Pnt(*apex)
     if BRepAdaptor_Surface(face, False).GetType() in SPLINED:
-        # the plain rule does not see the knots: it is off by a few ten-thousandths on a turned spline, by a tenth and
-        # more where a large spline face is cut
+        # the plain rule does not see the knots: it is off by a few ten-thousandths on a turned spline, by 6 % and more
+        # where a large spline face is cut
         BRepGProp.SurfaceProperties_s(face, flat, AREA_ERROR)
     else:
         BRepGProp.SurfaceProperties_s(face, flat)

@@ -29,15 +29,15 @@ def seen_from_one_side(sheet: SheetScan) -> Floats | None:
     None where no such side is found: from one that shows the front of all triangles the search goes on to where less
     is hidden, as the side from which a scanner saw it is one.
     """
-    mesh, length = sheet.mesh, measured_areas(sheet)
-    normals = mesh.area_vectors()[length > 0.0] / length[length > 0.0, None]
-    steepest = _steepest_side(normals, length[length > 0.0])
-    if steepest is None:
+    mesh, area = sheet.mesh, measured_areas(sheet)
+    normals = mesh.area_vectors()[area > 0.0] / area[area > 0.0, None]
+    toward_all = _side_in_front(normals, area[area > 0.0])
+    if toward_all is None:
         return None
-    aside, loops = _axes_across(steepest), (*sheet.rims, *sheet.holes)
+    aside, loops = _axes_across(toward_all), (*sheet.rims, *sheet.holes)
 
     def hidden(turn: Floats) -> float:
-        toward = steepest + turn @ aside
+        toward = toward_all + turn @ aside
         return overlap(mesh.vertices @ _axes_across(toward).T, loops) if (normals @ toward).min() > 0.0 else 1.0
 
     def stop(intermediate_result: OptimizeResult) -> None:
@@ -51,7 +51,7 @@ def seen_from_one_side(sheet: SheetScan) -> Floats | None:
         if found.fun >= OVERLAP:
             return None
         turn = found.x
-    flat = mesh.vertices @ _axes_across(steepest + turn @ aside).T
+    flat = mesh.vertices @ _axes_across(toward_all + turn @ aside).T
     return np.asarray(flat @ least_box(flat[sheet.rims[0]])[1])
 
 
@@ -61,7 +61,7 @@ def _axes_across(toward: Floats) -> Floats:
     return axes if np.linalg.det([*axes, toward]) > 0.0 else axes[::-1]
 
 
-def _steepest_side(normals: Floats, areas: Floats) -> Floats | None:
+def _side_in_front(normals: Floats, areas: Floats) -> Floats | None:
     """(3,) unit direction from which all triangles with normals (n, 3) show their front; None without any.
 
     Their mean is one from which the scan looks largest. Where it does not see all of them, the direction whose least

@@ -103,7 +103,7 @@ def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[s
         except BadGeometry:  # edges that lie so close to each other that no limit is defined between them
             break
         if not run.has_creases:
-            return _smooth(scan, options, doing, found)
+            return _best([*attempts, _smooth(scan, attempt, doing, found)])
         if run.has_edges_put_back and not found.folds:
             return found
         attempts.append(found)
@@ -115,17 +115,14 @@ def _sharp_or_smooth(scan: TriangleMesh, options: FitOptions, doing: Callable[[s
 
 
 def _smooth(
-    scan: TriangleMesh,
-    options: FitOptions,
-    doing: Callable[[str], None],
-    first: FittedSurface | None = None,
+    scan: TriangleMesh, options: FitOptions, doing: Callable[[str], None], first: FittedSurface | None = None
 ) -> FittedSurface:
-    """The fit without sharp edges; a few more tries where it folds.
+    """The fit without sharp edges; a few more tries where it folds, but for a plain one.
 
     first  what the first try has come to, if it was made
     """
     attempts = [] if first is None else [first]
-    shares = FEWER[:1] if options.plain else FEW_FEWER
+    shares = (1.0,) if options.plain else FEW_FEWER
     for attempt in _fewer(replace(options, crease_angle=float(np.pi)), shares)[len(attempts) :]:
         if attempts and not attempts[-1].folds:
             break

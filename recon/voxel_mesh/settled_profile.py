@@ -132,7 +132,8 @@ def _with_a_line_less(part: TurnedPart) -> list[TurnedPart]:
     found = []
     for number, loop in enumerate(part.loops):
         for k, piece in enumerate(loop):
-            if not isinstance(piece, ProfileLine) or piece.length > SHORT:
+            # of two pieces one would be left, from its start to its start
+            if not isinstance(piece, ProfileLine) or piece.length > SHORT or len(loop) < 3:
                 continue
             for away in (-1, 1):
                 arc = loop[(k + away) % len(loop)]
