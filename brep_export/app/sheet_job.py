@@ -29,6 +29,7 @@ from recon.geometry.mesh import TriangleMesh
 from recon.geometry.patches import connect
 from recon.geometry.trimmed import TrimmedSurface
 from recon.numerics.distance import closest_points
+from recon.numerics.halfedges import free_edges
 from recon.tolerance import Tolerance
 
 __all__ = ["fit"]
@@ -95,7 +96,7 @@ def _shape_written(
     scan: TriangleMesh, fitted: FittedSheet, request: Mapping[str, Any], bench: Bench
 ) -> tuple[dict[str, Any], tuple[str, ...], list[str]]:
     """Figures of the kernel shape, the reasons against it, and the files written; no shape where none is asked for."""
-    paint = partial(_paint, scan, fitted)
+    paint = partial(_paint, scan, fitted, request["close"])
     if not request["outputs"]:
         return {}, (), _picture_alone(paint, request, bench)
     with bench.phase("brep", "building the face"):
@@ -165,13 +166,16 @@ def _figures(fitted: FittedSheet, request: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _paint(scan: TriangleMesh, fitted: FittedSheet, path: Path) -> None:
+def _paint(scan: TriangleMesh, fitted: FittedSheet, close: bool, path: Path) -> None:
     from brep_export.app.pictures import CLAY, MADE, Part, View, draw
 
     net = fitted.surface.control_net
     drawn = fitted.drawn(DRAWN)
+    if not close:
+        drawn = _cut_along_border(drawn, scan)
     away = closest_points(drawn.vertices, scan.vertices, scan.face_vertices).distances
-    share, toward = 100.0 * away / fitted.diagonal, _front(scan)
+    share = np.minimum(100.0 * away / fitted.diagonal, fitted.errors.maximum)  # over holes it may be far from the scan
+    toward = _front(scan)
     up = (0.0, 0.0, 1.0) if abs(toward[2]) < 0.8 else (0.0, 1.0, 0.0)
     draw(
         path,
@@ -182,6 +186,21 @@ def _paint(scan: TriangleMesh, fitted: FittedSheet, path: Path) -> None:
             View("distance from the scan", (Part(drawn, MADE, values=share, scale="% of the diagonal"),), toward, up),
         ),
     )
+
+
+def _cut_along_border(drawn: TriangleMesh, scan: TriangleMesh) -> TriangleMesh:
+    """The triangles of the surface, as far as the scan is not nearest on its border: there the face is cut away."""
+    import pyvista
+
+    border = free_edges(scan.face_vertices)
+    if len(border) == 0:
+        return drawn
+    away = closest_points(drawn.vertices, scan.vertices, scan.face_vertices).distances
+    from_border = closest_points(drawn.vertices, scan.vertices, border[:, [0, 1, 1]]).distances
+    surface = pyvista.PolyData.from_regular_faces(drawn.vertices, drawn.face_vertices)
+    surface["inside"] = np.where(from_border <= (1.0 + 1e-9) * away, -from_border, from_border)
+    cut = surface.clip_scalar("inside", invert=False, value=0.0).triangulate()
+    return TriangleMesh(cut.points, cut.regular_faces, drawn.name)
 
 
 def _front(scan: TriangleMesh) -> tuple[float, float, float]:

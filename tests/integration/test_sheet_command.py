@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from hull_meshes import bumpy_ball
+from PIL import Image
 from sheets import pierced, sheet, torus, tube
 
 from brep_export.mesh_files import write_mesh
@@ -74,6 +75,19 @@ def test_a_picture_alone_and_a_tolerance(scans, tmp_path):
     room = json.loads(run.stdout)["room"]
     assert room["stopped_by"] == "tolerance" and room["e_max_percent"] <= 0.2
     assert picture.stat().st_size > 10_000
+
+
+def test_the_picture_shows_the_face_cut_where_the_scan_has_a_hole(scans, tmp_path):
+    blue = []
+    for words in ([], ["--close"]):
+        picture = tmp_path / "sheet.png"
+        run = recon("fit", scans / "sheet.stl", "--surface", "bspline", "--picture", picture, *words)
+        assert run.returncode == 0, run.stderr
+        shown = np.asarray(Image.open(picture).convert("RGB"), dtype=np.int64)
+        surface = shown[:, shown.shape[1] // 2 : 3 * shown.shape[1] // 4]  # the third of four views
+        blue.append((surface[..., 2] - surface[..., 0] > 60).sum())
+    hole = np.pi * 0.3**2 / 8.0  # of the sheet
+    assert blue[0] < (1.0 - 0.7 * hole) * blue[1]
 
 
 def test_a_closed_ball_is_refused_with_what_to_do(scans, tmp_path):
