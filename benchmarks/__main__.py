@@ -47,6 +47,7 @@ RUNS = {
     "three_view": Run("Drawings to solids"),
     "kernel_door": Run("Building kernel solids"),
     "leaks": Run("Job after job in one process"),
+    "batch_workers": Run("A batch by one worker and by two"),
     "robustness": Run("Inputs drawn by chance"),
 }
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from brep_export.app.batch.attempt import Terms
+from brep_export.app.batch.attempt import ONE_THREAD, Terms, _environment
 from brep_export.app.batch.jobs import jobs_from_template, read_jobs
 from brep_export.app.batch.records import RECORD, content_hash, job_key, kept_record, put_record
 from brep_export.app.batch.summary import write_summary
@@ -193,3 +193,12 @@ def test_the_summary_links_every_file_and_shows_what_failed_first(tmp_path):
     assert page.index("&lt;b&gt;") < page.index(">a</a>") and "<b>" not in page
     rows = (tmp_path / "summary.csv").read_text().splitlines()
     assert [row.split(",")[:4] for row in rows[1:]] == [["a", "fit", "done", ""], ["<b>", "fit", "failed", "crash"]]
+
+
+def test_a_job_has_one_thread_and_manages_its_memory_as_any_process_does(monkeypatch):
+    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")  # as Dask sets it for its workers
+    monkeypatch.setenv("RECON_OWN", "kept")
+    environment = _environment()
+    assert "MALLOC_TRIM_THRESHOLD_" not in environment
+    assert environment["RECON_OWN"] == "kept"
+    assert environment | ONE_THREAD == environment

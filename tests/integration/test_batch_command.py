@@ -141,6 +141,21 @@ def test_a_run_that_is_killed_goes_on_and_what_breaks_off_is_named(tmp_path):
     assert third.returncode == 1
 
 
+def test_a_job_waits_for_a_free_worker_in_the_order_given(tmp_path):
+    sources(tmp_path)
+    names = [f"job{i}" for i in range(6)]
+    (tmp_path / "jobs.toml").write_text("".join(job(name, "curve", "arc.csv") for name in names))
+    printed, errors = start(tmp_path).communicate(timeout=WAIT)
+    assert json.loads(printed)["room"]["done"] == 6, errors
+    started = [line["job"] for line in journal(tmp_path) if line["event"] == "started"]
+    for place, name in enumerate(names):
+        assert abs(started.index(name) - place) <= 1  # the two that run at once may be entered either way
+    free = {}
+    for line in journal(tmp_path):
+        assert free.get(line["process"], True) == (line["event"] == "started")
+        free[line["process"]] = line["event"] != "started"
+
+
 def test_a_second_run_in_the_same_folder_and_a_scheduler_that_is_not_there_are_refused(tmp_path):
     sources(tmp_path)
     (tmp_path / "jobs.toml").write_text(job("arc", "curve", "arc.csv"))

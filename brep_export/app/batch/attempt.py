@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,13 @@ __all__ = ["ATTEMPTS", "Terms", "work"]
 
 ATTEMPTS = ".attempts"
 LOOK = 0.1  # seconds between two looks at a child's memory
+BEGINNING, COUNTED = 30, 10  # looks until it has started all processes, as a rule; then every tenth finds them anew,
+# which takes a hundred times as long as a look
 GRACE = 20.0  # seconds a command may take to stop itself, before it is stopped from outside
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+WORKERS_OWN = {
+    "MALLOC_TRIM_THRESHOLD_"
+}  # Dask has workers give memory back at once, which slows jobs by a quarter
 MEBIBYTE = 2**20
 
 
@@ -116,9 +121,12 @@ def _attempt(order: Order, made: Path, terms: Terms) -> Ending:
 
 
 def _environment() -> dict[str, str]:
-    """One thread for the kernel and its like, and this package where it was found: the child stands elsewhere."""
+    """One thread for the kernel and its like, memory managed as the system does, and this package where it was found:
+    the child stands elsewhere.
+    """
     places = [str(Path(brep_export.__file__).parents[1]), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
-    return os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join(place for place in places if place)}
+    inherited = {name: value for name, value in os.environ.items() if name not in WORKERS_OWN}
+    return inherited | ONE_THREAD | {"PYTHONPATH": os.pathsep.join(place for place in places if place)}
 
 
 def _watched(child: subprocess.Popen[bytes], terms: Terms, timeout: float | None) -> tuple[str, int]:
@@ -128,14 +136,16 @@ def _watched(child: subprocess.Popen[bytes], terms: Terms, timeout: float | None
     """
     import psutil
 
-    peak, begun = 0, time.monotonic()
+    peak, begun, looks, family = 0, time.monotonic(), 0, list[Any]()
     while True:
         try:
             child.wait(LOOK)
             return "", peak
         except subprocess.TimeoutExpired:
-            held = _held(psutil, child.pid)
-        peak = max(peak, held)
+            if looks < BEGINNING or looks % COUNTED == 0:
+                family = _family(psutil, child.pid)
+            held = _held(psutil, family)
+        looks, peak = looks + 1, max(peak, held)
         late = timeout is not None and time.monotonic() - begun > timeout + GRACE
         if late or held > terms.most_memory:
             _kill(psutil, child)
@@ -150,10 +160,10 @@ def _family(psutil: Any, number: int) -> list[Any]:
         return []
 
 
-def _held(psutil: Any, number: int) -> int:
-    """Bytes of memory that a process and its children hold."""
+def _held(psutil: Any, family: Sequence[Any]) -> int:
+    """Bytes of memory that processes hold."""
     held = 0
-    for process in _family(psutil, number):
+    for process in family:
         try:
             held += process.memory_info().rss
         except psutil.Error:

@@ -7,6 +7,7 @@ what a job breaks is its own.  A worker that is killed is replaced, and its job 
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from socket import create_connection
 from typing import Any
 from urllib.parse import urlsplit
@@ -38,6 +39,10 @@ def workers(scheduler: str | None, number: int) -> Iterator[Any]:
     settings = {
         "distributed.scheduler.allowed-failures": DEATHS,
         "distributed.worker.multiprocessing-method": "spawn",
+        # watching itself for a dashboard that nobody sees costs a cluster of two a tenth of a processor
+        "distributed.admin.tick.interval": "500ms",
+        "distributed.admin.system-monitor.interval": "5s",
+        "distributed.worker.profile.enabled": False,
     }
     with (
         dask.config.set(settings),
@@ -67,15 +72,29 @@ def _require_listener(scheduler: str) -> None:
 def records_as_they_come(
     client: Any, orders: Sequence[tuple[Order, str]], directory: str, terms: Terms
 ) -> Iterator[dict[str, Any]]:
-    """The record of every job, in the order in which they end."""
+    """The record of every job, in the order in which they end.
+
+    A job is handed out when a worker is free for it: of those handed out before, a scheduler that does not know how
+    long they take gives one worker many and another none.
+    """
     from distributed import as_completed
 
-    futures = {
-        client.submit(work, order, key, directory, terms, key=f"{order.name}-{key[:16]}", pure=False): (order, key)
-        for order, key in orders
-    }
-    for future in as_completed(futures, loop=client.loop):
-        order, key = futures[future]
+    left = iter(orders)
+    given: dict[Any, tuple[Order, str]] = {}
+    ended = as_completed(loop=client.loop)
+
+    def hand_out() -> None:
+        most = max(1, sum(client.nthreads().values()))
+        for order, key in islice(left, max(0, most - len(given))):
+            future = client.submit(work, order, key, directory, terms, key=f"{order.name}-{key[:16]}", pure=False)
+            given[future] = order, key
+            ended.add(future)
+
+    hand_out()
+    while given:
+        future = next(ended)
+        order, key = given.pop(future)
+        hand_out()
         problem = future.exception() if future.status != "finished" else None
         yield future.result() if future.status == "finished" else _lost(order, key, terms, problem)
         future.release()
