@@ -261,9 +261,13 @@ def rms(x: np.ndarray) -> float:
 
 def patch_outcomes(seeds: range) -> list[Outcome]:
     """Those of hole_patch_robustness.py, in processes of their own."""
-    trials = [hole_patch_robustness.trial(seed) for seed in seeds]
+    trials = list(hole_patch_robustness.trials_of(seeds))
     usual = float(np.nanmedian([trial.share for trial in trials]))
-    return [Outcome(trial.verdict(usual), trial.reason) for trial in trials]
+    marked = hole_patch_robustness.far_and_marked(trials, usual)
+    return [
+        Outcome(trial.verdict(usual), "far off, as it is marked" if trial.seed in marked else trial.reason)
+        for trial in trials
+    ]
 
 
 TRIALS: dict[str, Callable[[Rng], Outcome]] = {
@@ -287,7 +291,7 @@ def outcomes(method: str, seeds: range) -> list[Outcome]:
 
 def kinds_of(reasons: list[str]) -> Counter[str]:
     """Reasons without their figures."""
-    return Counter(NUMBER.sub("#", reason)[:110] for reason in reasons)
+    return Counter(NUMBER.sub("#", reason) for reason in reasons)
 
 
 def main() -> None:
@@ -306,8 +310,8 @@ def main() -> None:
         found = outcomes(method, seeds)
         counts = Counter(one.verdict for one in found)
         table.row(method, len(found), *(counts[verdict] for verdict in Verdict), (seconds() - begin) / len(found))
-        for verdict in (Verdict.REFUSED, Verdict.WRONG):
-            reasons = [one.reason for one in found if one.verdict is verdict]
+        for verdict in Verdict:
+            reasons = [one.reason for one in found if one.verdict is verdict and one.reason]
             told += [f"* {method}, {verdict}, {n}: {reason}" for reason, n in kinds_of(reasons).most_common()]
         wrong = [seed for seed, one in zip(seeds, found) if one.verdict is Verdict.WRONG]
         told += [f"* {method}, wrong, seeds {wrong}"] if wrong else []

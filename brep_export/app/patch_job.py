@@ -22,7 +22,7 @@ from brep_export.solids import lip_solid, thick_solid
 from recon.errors import BadOption, NoHole, NoWall, ReconError
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
-from recon.hole_patch.confidence import ASSUMED, BOUND, SHARE, Confidence, confidence
+from recon.hole_patch.confidence import ASSUMED, BOUND, SHARE, Confidence, PieceErrors, confidence
 from recon.hole_patch.lip_piece import lip_thickness
 from recon.hole_patch.pipeline import (
     MissingPiece,
@@ -46,6 +46,7 @@ __all__ = ["TOLERANCE", "BuiltPiece", "built", "kernel_piece", "patch", "patch_a
 TOLERANCE = Tolerance(merge=1e-4, fit=0.05)
 
 EVERY_HOLE = "all"
+WORTH_A_WORD = 0.1  # of the volume, by which the piece may be off
 SAMPLES = "the walls as scanned within 2 mm of the hole's edge"
 
 Answer = tuple[Exit, dict[str, Any], tuple[str, ...]]
@@ -184,6 +185,7 @@ class _Proved:
     found: BuiltPiece
     thickness: Thickness | None
     trust: Confidence
+    errors: PieceErrors | None
     name: str
 
     @property
@@ -192,8 +194,7 @@ class _Proved:
 
     def parcel(self, outputs: Sequence[str], picture: str | None) -> Parcel:
         report = self.found.report
-        triangles = report.triangulation
-        expected = None if triangles is None else self.trust.at(triangles.vertices)
+        expected = None if self.errors is None else self.errors.at_vertices
         paint = partial(_paint, self.piece.sherds, report, expected)
         title = f"the piece of {self.name[:-2]}" if self.name else "the piece"
         measured, colours = partial(_measured, self.piece.sherds, self.trust), _colours(expected, outputs)
@@ -201,8 +202,26 @@ class _Proved:
             self.found.shape, report, outputs, picture, paint, colours=colours, measured=measured, title=title
         )
 
+    @property
+    def _volume_off(self) -> float | None:
+        """Share of the volume that it is expected to be off by; None of an open piece."""
+        measures = self.found.report.measures
+        if self.errors is None or measures is None or measures.volume is None or self.found.placing is None:
+            return None
+        return self.errors.volume / measures.volume
+
+    def tell(self, bench: Bench) -> None:
+        """A word where cracks that were not scanned leave the volume open."""
+        off = self._volume_off
+        if off is not None and BOUND * off > WORTH_A_WORD and not self.trust.fracture_scanned:
+            bench.note(
+                f"{self.name}nothing shows how the cracks lean through the wall: the piece may have up to"
+                f" {100.0 * BOUND * off:.0f} % more or less volume than the lost one.",
+                name="volume",
+            )
+
     def figures(self, bench: Bench) -> dict[str, Any]:
-        return _figures(self.piece, self.thickness) | _trust(self.trust) | _fit(self, bench)
+        return _figures(self.piece, self.thickness) | _trust(self.trust, self._volume_off) | _fit(self, bench)
 
 
 def patch_answer(
@@ -311,7 +330,11 @@ def _proved(found: BuiltPiece, request: Mapping[str, Any], bench: Bench, *, name
         _warn_of_thin_places(thickness, request.get("min_wall", 0.0), bench, name)
     with bench.phase("reconstruct", f"{name}fitting again without each sherd"):
         trust = confidence(piece)
-    return _Proved(found, thickness, trust, name)
+        triangles = found.report.triangulation
+        errors = None if triangles is None else trust.of(triangles)
+    proved = _Proved(found, thickness, trust, errors, name)
+    proved.tell(bench)
+    return proved
 
 
 def _refuse_open_print(piece: MissingPiece, request: Mapping[str, Any]) -> None:
@@ -375,8 +398,8 @@ def _figures(piece: MissingPiece, thickness: Thickness | None) -> dict[str, Any]
     }
 
 
-def _trust(trust: Confidence) -> dict[str, Any]:
-    """By how much the walls of the piece may be off, over the hole."""
+def _trust(trust: Confidence, volume_off: float | None) -> dict[str, Any]:
+    """By how much the walls of the piece may be off, over the hole, and its volume."""
     sigma = trust.over_walls()
     return {
         "confidence": {
@@ -385,6 +408,7 @@ def _trust(trust: Confidence) -> dict[str, Any]:
                 "p95": float(np.quantile(sigma, 0.95)),
                 "max": float(sigma.max()),
             },
+            "expected_volume_error": volume_off,
             "share": SHARE,
             "within": BOUND,
             "sherds_left_out": trust.outer.n_left_out,

@@ -18,6 +18,9 @@ not been found, and, off the neighbours' fracture, how the crack ran.
 Errors of a wall are heavier in the middle and in the tails than a normal law: `SHARE` of the points lie within `BOUND`
 times σ, as measured on vessels that the package makes.
 
+Of the volume σ is the root of the sum of three squares, ∫ σ dA over the outer wall, the inner one and the fracture:
+each is off as a whole, as a crack leans that was not scanned, and knows nothing of the others.
+
 Paper  [quenouille1956], the jackknife; [matheron1963], the variance of kriging.
 """
 
@@ -33,6 +36,7 @@ from threadpoolctl import threadpool_limits
 
 from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
+from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import TrimmedSurface
 from recon.hole_patch.fitting import SAMPLE_RADIUS, edge_samples, fit_surface
 from recon.hole_patch.pipeline import MissingPiece
@@ -45,10 +49,11 @@ from recon.numerics.distance import TriangleTree
 from recon.numerics.foot_points import foot_points
 from recon.numerics.polygons import within
 
-__all__ = ["ASSUMED", "BOUND", "SHARE", "Confidence", "WallConfidence", "confidence"]
+__all__ = ["ASSUMED", "BOUND", "SHARE", "Confidence", "PieceErrors", "WallConfidence", "confidence"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 ASSUMED = (
     "nothing stood on the lost sherd alone: of a handle, a spout or a stamp that left no trace on its neighbours no"
@@ -93,6 +98,18 @@ class WallConfidence:
 
 
 @dataclass(frozen=True, eq=False)
+class PieceErrors:
+    """What is to be expected of a piece as triangles, as roots of mean squares.
+
+    at_vertices  (V,) in millimetres
+    volume       of its volume, in mm³; means nothing for an open piece
+    """
+
+    at_vertices: Floats
+    volume: float
+
+
+@dataclass(frozen=True, eq=False)
 class Confidence:
     """How far each point of a piece may be trusted.
 
@@ -113,14 +130,34 @@ class Confidence:
 
         A point on a wall is off along the wall's normal; one on the fracture by what was scanned of the neighbours'.
         """
-        expected = self._on_fracture(points)
-        for wall in (self.outer, self.inner):
+        return self._by_parts(points)[0]
+
+    def of(self, mesh: TriangleMesh) -> PieceErrors:
+        """What is to be expected of the piece as triangles."""
+        expected, parts = self._by_parts(mesh.vertices)
+        corners = parts[mesh.face_vertices]
+        part = np.where((corners == corners[:, :1]).all(axis=1), corners[:, 0], 0)  # fracture goes from wall to wall
+        of_faces = expected[mesh.face_vertices].mean(axis=1)
+        of_faces[part == 0] = self._on_fracture(mesh.corners()[part == 0].mean(axis=1))
+        area = np.linalg.norm(mesh.area_vectors(), axis=1)
+        off = np.bincount(part, weights=of_faces * area, minlength=3)
+        return PieceErrors(expected, float(np.linalg.norm(off)))
+
+    @property
+    def fracture_scanned(self) -> bool:
+        """Whether something shows how the cracks run through the wall, beside where they begin."""
+        return isinstance(self._measured, TriangleTree)
+
+    def _by_parts(self, points: Floats) -> tuple[Floats, Ints]:
+        """(m,) σ, and of which part: 0 the fracture, 1 the outer wall, 2 the inner one."""
+        expected, parts = self._on_fracture(points), np.zeros(len(points), np.int64)
+        for part, wall in enumerate((self.outer, self.inner), 1):
             if wall is not None:
                 uv = foot_points(wall.surface, points, accuracy=1e-6)
                 on = np.linalg.norm(wall.surface.point(uv) - points, axis=1) < ON_WALL
                 if on.any():
-                    expected[on] = wall.at_parameters(uv[on])
-        return expected
+                    expected[on], parts[on] = wall.at_parameters(uv[on]), part
+        return expected, parts
 
     def _on_fracture(self, points: Floats) -> Floats:
         if isinstance(self._measured, TriangleTree):

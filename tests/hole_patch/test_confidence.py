@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from brep_export.app.patch_job import kernel_piece
+from brep_export.triangulation import triangulate
+from recon.geometry.mesh import TriangleMesh
 from recon.hole_patch.confidence import BOUND, SHARE, Confidence, confidence
 from recon.hole_patch.pipeline import MissingPiece, PatchMethod, PatchOptions, patch_hole
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
@@ -96,3 +99,32 @@ def test_the_box_says_that_it_knows_less(marked: list[Marked]) -> None:
     vessel, _, wheel = marked[1]
     box = confidence(patch_hole(vessel.outer_walls, PatchOptions(method=PatchMethod.BOX, settle=False)))
     assert np.median(box.over_walls()) > 2.0 * np.median(wheel.outer.at_parameters(wheel.outer.places))
+
+
+def as_triangles(piece: MissingPiece) -> TriangleMesh:
+    shape, _ = kernel_piece(piece)
+    return triangulate(shape, 0.02).mesh
+
+
+def test_the_volume_is_marked_by_what_was_scanned_of_the_cracks(marked: list[Marked]) -> None:
+    vessel, piece, trust = marked[1]
+    mesh = as_triangles(piece)
+    scanned = trust.of(mesh)
+    np.testing.assert_allclose(scanned.at_vertices, trust.at(mesh.vertices))
+    assert trust.fracture_scanned
+    assert abs(mesh.volume() - vessel.lost.volume()) < BOUND * scanned.volume < 0.3 * mesh.volume()
+    options = PatchOptions(thickness=VESSELS[1].thickness)
+    guessed = patch_hole(vessel.outer_walls, options)
+    unknown, open_mesh = confidence(guessed), as_triangles(guessed)
+    assert not unknown.fracture_scanned
+    assert abs(open_mesh.volume() - vessel.lost.volume()) < BOUND * unknown.of(open_mesh).volume
+
+
+def test_a_crack_that_was_not_scanned_may_lean_by_half_its_depth(marked: list[Marked]) -> None:
+    vessel = marked[1][0]
+    thin, thick = (patch_hole(vessel.outer_walls, PatchOptions(thickness=t)) for t in (1.0, 4.0))
+    shares = []
+    for piece in (thin, thick):
+        mesh = as_triangles(piece)
+        shares.append(confidence(piece).of(mesh).volume / mesh.volume())
+    assert shares[1] > 1.5 * shares[0]  # of the share of the fracture, four times; the walls have theirs

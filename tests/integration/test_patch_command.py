@@ -79,6 +79,8 @@ def test_closed_sherds_give_one_closed_solid_in_every_format(vessel, mended):
     assert room["gap"]["usual"] == pytest.approx(0.0, abs=0.5) and room["gap"]["usual"] >= room["gap"]["min"]
     assert room["collision_free"] or any(n["holds"] for n in room["neighbours"])
     assert "handle" in room["confidence"]["assumed"]
+    assert 0.0 < room["confidence"]["expected_volume_error"] < 0.2
+    assert not any("cracks lean" in note for note in answer["notes"])
     inward = -vessel.lost.vertices.mean(axis=0)[:2]
     assert np.dot(room["insert_direction"][:2], inward) > 0  # from outside, toward the vessel's axis
     assert sorted(p.name for p in folder.iterdir()) == sorted(f"piece.{e}" for e in (*ENDINGS, "png"))
@@ -88,9 +90,12 @@ def test_outer_walls_give_a_face_and_with_a_thickness_a_solid(vessel, scans, tmp
     face = passed(recon("patch", *scans["outer"], "-o", tmp_path / "face.step"))
     assert (face["kernel"]["type"], face["kernel"]["closed"]) == ("face", False)
     assert face["room"]["thickness"] is None
+    assert face["room"]["confidence"]["expected_volume_error"] is None
     solid = passed(recon("patch", *scans["outer"], "-o", tmp_path / "solid.step", "--thickness", 2))
     assert (solid["kernel"]["type"], solid["kernel"]["closed"]) == ("solid", True)
     assert solid["kernel"]["volume"] == pytest.approx(2 * face["kernel"]["area"], rel=0.15)  # less where it is concave
+    (told,) = [note for note in solid["notes"] if "cracks lean" in note]
+    assert f"{164.5 * solid['room']['confidence']['expected_volume_error']:.0f} % more or less" in told
 
 
 def test_sherds_are_settled_unless_told_not_to_and_each_motion_is_said(vessel, scans, mended, tmp_path):

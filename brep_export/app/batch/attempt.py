@@ -28,9 +28,7 @@ BEGINNING, COUNTED = 30, 10  # looks until it has started all processes, as a ru
 # which takes a hundred times as long as a look
 GRACE = 20.0  # seconds a command may take to stop itself, before it is stopped from outside
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-WORKERS_OWN = {
-    "MALLOC_TRIM_THRESHOLD_"
-}  # Dask has workers give memory back at once, which slows jobs by a quarter
+WORKERS_OWN = {"MALLOC_TRIM_THRESHOLD_"}  # Dask has workers give memory back at once, which slows jobs by a quarter
 MEBIBYTE = 2**20
 
 
