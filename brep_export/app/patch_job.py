@@ -13,6 +13,7 @@ from OCP.TopoDS import TopoDS_Shape
 from brep_export.app.deliver import Parcel, gate, print_formats, write_parcels
 from brep_export.app.hole_list import hole_figures, hole_list
 from brep_export.app.outputs import check_destinations
+from brep_export.app.piece_figures import piece_figures, placing_figures, trust_figures
 from brep_export.app.result import kernel_of_all, result, statistics
 from brep_export.app.scene import Measured, mesh_part
 from brep_export.app.workshop import Bench, Exit
@@ -22,7 +23,7 @@ from brep_export.solids import lip_solid, thick_solid
 from recon.errors import BadOption, NoHole, NoWall, ReconError
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
-from recon.hole_patch.confidence import ASSUMED, BOUND, SHARE, Confidence, PieceErrors, confidence
+from recon.hole_patch.confidence import BOUND, Confidence, PieceErrors, confidence
 from recon.hole_patch.lip_piece import lip_thickness
 from recon.hole_patch.pipeline import (
     MissingPiece,
@@ -221,7 +222,9 @@ class _Proved:
             )
 
     def figures(self, bench: Bench) -> dict[str, Any]:
-        return _figures(self.piece, self.thickness) | _trust(self.trust, self._volume_off) | _fit(self, bench)
+        return (
+            piece_figures(self.piece, self.thickness) | trust_figures(self.trust, self._volume_off) | _fit(self, bench)
+        )
 
 
 def patch_answer(
@@ -362,61 +365,6 @@ def _warn_of_thin_places(thickness: Thickness, limit: float, bench: Bench, name:
         )
 
 
-def _figures(piece: MissingPiece, thickness: Thickness | None) -> dict[str, Any]:
-    edge = piece.outer.edge_distance
-    axis, settling = piece.around.axis, piece.settling
-    return {
-        "holes": piece.around.n_holes,
-        "method": str(piece.method),
-        "axis": None
-        if axis is None
-        else {
-            "point": axis.point.tolist(),
-            "direction": axis.direction.tolist(),
-            "quality": axis.quality,
-            "support": axis.support,
-        },
-        "settled": None
-        if settling is None
-        else [{"shift_mm": m.shift_mm, "turn_deg": m.turn_deg, "bounded": m.bounded} for m in settling.moves],
-        "sides": piece.outer.sides,
-        "box_angle_deg": piece.outer.box_angle_deg,
-        "boundary": {"mean": float(edge.mean()), "max": float(edge.max()), "unit": "mm"},
-        "edge": {
-            "mean": float(edge.mean()),
-            "max": float(edge.max()),
-            "rejected": piece.outer.rejected,
-            "unit": "mm, share",
-        },
-        "samples": len(piece.sample_distance),
-        "thickness": None
-        if thickness is None
-        else {"min": thickness.least, "mean": thickness.mean, "max": thickness.greatest},
-        "relief": None
-        if piece.relief is None
-        else {"source": str(piece.relief.source), "explained": piece.relief.explained, "depth_mm": piece.relief.depth},
-    }
-
-
-def _trust(trust: Confidence, volume_off: float | None) -> dict[str, Any]:
-    """By how much the walls of the piece may be off, over the hole, and its volume."""
-    sigma = trust.over_walls()
-    return {
-        "confidence": {
-            "expected_error_mm": {
-                "median": float(np.median(sigma)),
-                "p95": float(np.quantile(sigma, 0.95)),
-                "max": float(sigma.max()),
-            },
-            "expected_volume_error": volume_off,
-            "share": SHARE,
-            "within": BOUND,
-            "sherds_left_out": trust.outer.n_left_out,
-            "assumed": ASSUMED,
-        }
-    }
-
-
 def _fit(proved: _Proved, bench: Bench) -> dict[str, Any]:
     """How a closed piece lies between its neighbours, and the way in which it is set in."""
     placing = proved.found.placing
@@ -424,36 +372,7 @@ def _fit(proved: _Proved, bench: Bench) -> dict[str, Any]:
         return {}
     for note in placing.notes:
         bench.note(f"{proved.name}{note}", name="placing")
-    return _placing_figures(placing)
-
-
-def _placing_figures(placing: Placing) -> dict[str, Any]:
-    """Sherds are named by their number among those given, or, where a file held several, among all of them."""
-    gaps = [neighbour.gap_mm for neighbour in placing.neighbours]
-    overlaps = [n.overlap_share for n in placing.neighbours if n.overlap_share is not None]
-    way = placing.insert_direction
-    return {
-        "gap": {
-            "min": min(gaps, default=None),
-            "usual": placing.usual_gap_mm,
-            "overlap": sum(overlaps) if overlaps else None,
-            "unit": "mm, share",
-        },
-        "neighbours": [
-            {
-                "sherd": n.sherd,
-                "gap": {"min": n.gap_mm, "usual": n.usual_gap_mm},
-                "overlap": {"mm3": n.overlap_mm3, "share": n.overlap_share},
-                "holds": n.sherd in placing.held_by,
-            }
-            for n in placing.neighbours
-        ],
-        "insert_direction": None if way is None else [float(x) for x in way],
-        "undercut_mm": placing.undercut_mm,
-        "held_share": placing.held_share,
-        "tolerance_mm": placing.tolerance_mm,
-        "collision_free": placing.collision_free,
-    }
+    return placing_figures(placing)
 
 
 def _colours(expected: NDArray[np.float64] | None, outputs: Sequence[str]) -> NDArray[np.uint8] | None:

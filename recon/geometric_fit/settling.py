@@ -31,9 +31,9 @@ from recon.geometry.control_mesh import ControlMesh
 from recon.numerics.halfedges import free_edges, vertex_normals
 from recon.numerics.rows import row_distances
 from recon.subdivision.evaluation import points_at
-from recon.subdivision.limit_surface import LimitPatches
+from recon.subdivision.limit_surface import LimitPatches, Scheme, limit_patches
 
-__all__ = ["Ground", "Rounds"]
+__all__ = ["Ground", "Rounds", "ground_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -62,6 +62,13 @@ class Ground(NamedTuple):
     def n_folded(self) -> int:
         """How many control points are around folds that the scan does not have."""
         return int(self.guards.folded(self.mesh.vertices).sum())
+
+
+def ground_of(mesh: ControlMesh, scheme: Scheme, scan: ScanData) -> Ground:
+    """A control mesh as ground for the rounds of a fit."""
+    patches = limit_patches(mesh, scheme)
+    borders = Borders(mesh, patches, scan, has_slits=scheme is Scheme.DOO_SABIN)
+    return Ground(mesh, patches, Guards(mesh, patches, scan), borders)
 
 
 class Rounds:

@@ -17,13 +17,19 @@ from numpy.typing import NDArray
 from recon.geometric_fit.quad_splits import cut_around
 from recon.geometric_fit.quad_turns import WIDEST, corner_angles
 from recon.geometry.control_mesh import ControlMesh
+from recon.subdivision.limit_surface import Scheme
 from recon.subdivision.sheets import Sheets, VertexKind, cut_along_creases
 
-__all__ = ["with_slits"]
+__all__ = ["slit_for", "with_slits"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+
+def slit_for(mesh: ControlMesh, scheme: Scheme) -> ControlMesh:
+    """The mesh as a scheme needs it at concave corners."""
+    return with_slits(mesh) if scheme is Scheme.DOO_SABIN else mesh
 
 
 def with_slits(mesh: ControlMesh) -> ControlMesh:

@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from recon.errors import NoSurface
 from recon.geometric_fit.convergence import Norms, Round, StoppedBy, norms
+from recon.geometric_fit.first_net import first_net, usual_stiffness
 from recon.geometric_fit.folding import smoothed_out, stepped
 from recon.geometric_fit.growth import Growth
 from recon.geometric_fit.knot_gains import knot_gains
@@ -28,12 +29,12 @@ from recon.geometric_fit.reweighting import reweighed
 from recon.geometric_fit.scan_data import ScanData, refuse_tangles, scan_data
 from recon.geometric_fit.scan_kind import ScanKind
 from recon.geometric_fit.spline_options import FittedSheet, SplineKind, SplineOptions
-from recon.geometric_fit.spline_space import SplineSpace
-from recon.geometric_fit.tangent_distance import BasisRows, Metric, tangent_distance_move
+from recon.geometric_fit.tangent_distance import BasisRows
 from recon.geometric_fit.tensor_space import (
     EXACT,
     NetFeet,
     TensorSpace,
+    homogeneous,
     nearest_net_feet,
     net_rows,
     walk_net_feet,
@@ -49,12 +50,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FIRST_SHARE = 0.6  # of the control points are there from the start, the others come where the error is
-COARSEST = 8  # spans of the first net at most, in each direction
 ROUNDS = 3  # before each refinement
 FILL_WEIGHT = 1e-4  # of what is laid over holes: it may be squeezed into a few spans, beside those of the scan
-FAIRNESS = 1e-3  # weight of the net's energy, as a share of the data's
 STIFFER, STIFFEST = 4.0, 1024.0  # times stiffer where the surface would fold, in one round and in all
-STIFFENING, STIFFENINGS = 2.0, 10  # before the first round: times stiffer, and how often at most
 EASING = 1.4  # times less stiff a round where it would not
 
 
@@ -94,13 +92,13 @@ class _SheetFit:
             mesh, self._limit, n_measured=len(measured), n_sampled=sheet.n_faces, fill_weight=FILL_WEIGHT
         )
         self._rims = np.concatenate(sheet.rims) if sheet.kind is ScanKind.CYLINDER else np.empty(0, dtype=np.int64)
-        self._sides, self._stretch = flat.sides, flat.stretch
+        self._flat = flat
         self._uv = np.concatenate([flat.places, _sample_places(self._scan, flat)])
         self._weights = self._scan.weights.copy()
         self._record: list[Round] = []
 
     def run(self) -> FittedSheet:
-        space, net = self._begun()
+        space, net = first_net(self._scan, self._uv, self._first_count(), self._flat, self._options)
         stopped, cycle, last = None, 0, None
         while stopped is None:
             final = self._options.plain or not self._has_room(space)
@@ -118,41 +116,6 @@ class _SheetFit:
             self._uv = feet.uv
         return self._finished(space, net, (stopped, folds))
 
-    def _begun(self) -> tuple[TensorSpace, Floats]:
-        """A coarse net through the places of the points, made finer until it has the number to start with."""
-        wanted = self._shape(self._first_count())
-        spaces = [self._equal_spans(wanted)]
-        while max(len(s.breaks) - 1 for s in (spaces[0].u, spaces[0].v)) > COARSEST:
-            least = self._options.least_side
-            spaces.insert(0, self._equal_spans(tuple(max(-(-n // 2), least) for n in spaces[0].shape)))
-        net = np.zeros((*spaces[0].shape, 4))
-        net[..., 3] = 1.0
-        for before, space in zip([spaces[0], *spaces], spaces):
-            net = before.changed(space, net)
-            net[..., 3] = 1.0
-            net = self._interpolating(space, net, np.full(space.n_control, self._usual(space)))
-        return spaces[-1], self._stiffened(spaces[-1], net)
-
-    def _stiffened(self, space: TensorSpace, net: Floats) -> Floats:
-        """The net stiffer where it folds: smoothing it there would draw in whatever stands out of the scan."""
-        guards, stiffness = NetGuards(space, net[..., 3], self._scan, self._uv), np.full(space.n_control, 1.0)
-        for _ in range(STIFFENINGS):
-            folded = guards.folded(net[..., :3].reshape(-1, 3))
-            if not folded.any():
-                break
-            stiffness[guards.widened(folded)] *= STIFFENING
-            net = self._interpolating(space, net, stiffness * self._usual(space))
-        return net
-
-    def _interpolating(self, space: TensorSpace, net: Floats, stiffness: Floats) -> Floats:
-        """The net moved toward the surface nearest to the points at the places where they are."""
-        scan, points = self._scan, net[..., :3].reshape(-1, 3)
-        rows = net_rows(space, net, self._uv)
-        residuals = scan.points - rows.matrix(space.n_control) @ points
-        metric, energy = Metric(np.zeros_like(residuals), scan.weights, 1.0), NetEnergy(space).matrix(stiffness)
-        move = tangent_distance_move(rows, residuals, metric, energy, points, accuracy=1e-2, max_iterations=60)
-        return _homogeneous(points + move, net[..., 3])
-
     def _first_count(self) -> int:
         if self._options.plain:
             return self._limit
@@ -160,24 +123,8 @@ class _SheetFit:
             return max(min(self._scan.n_measured // 100, self._limit), self._options.least)
         return max(int(FIRST_SHARE * self._limit), self._options.least)
 
-    def _shape(self, count: int) -> tuple[int, int]:
-        """Numbers of control points in both directions whose product is at most `count`, as the sides are long."""
-        least = self._options.least_side
-        n_u = round(float(np.sqrt(count * self._sides[0] / self._sides[1])))
-        n_u = int(np.clip(n_u, least, count // least))
-        return n_u, count // n_u
-
-    def _equal_spans(self, shape: tuple[int, ...]) -> TensorSpace:
-        kind, degree = self._sheet.kind, self._options.degree
-        around = kind in (ScanKind.CYLINDER, ScanKind.TORUS), kind is ScanKind.TORUS
-        spans = [n if periodic else n - degree for n, periodic in zip(shape, around)]
-        return TensorSpace(*(SplineSpace(degree, np.linspace(0.0, 1.0, n + 1), p) for n, p in zip(spans, around)))
-
     def _has_room(self, space: TensorSpace) -> bool:
         return self._limit - space.n_control >= min(space.shape)
-
-    def _usual(self, space: TensorSpace) -> float:
-        return FAIRNESS * self._scan.n_measured / space.n_control
 
     def _settled(self, space: TensorSpace, net: Floats, at: tuple[int, int, int]) -> tuple[Floats, NetFeet, int]:
         """Some rounds on one net: pull, move, find the feet again. The best net, its feet, and its folds.
@@ -189,9 +136,9 @@ class _SheetFit:
         guards, plate = NetGuards(space, weights, scan, self._uv), NetEnergy(space)
         # a step is only allowed to keep what is not folded so: start without folds
         unfolded, _ = smoothed_out((net[..., :3] / net[..., 3:]).reshape(-1, 3), guards, net_means(space))
-        net = _homogeneous(unfolded, weights)
+        net = homogeneous(unfolded, weights)
         feet = self._feet(space, net, self._uv)
-        usual = self._usual(space)
+        usual = usual_stiffness(space, self._scan)
         stiffness = np.full(space.n_control, usual)
         energy, updater = plate.matrix(stiffness), Updater(self._options.update)
         best = ((space.n_control + 1, np.inf), net, feet)
@@ -205,7 +152,7 @@ class _SheetFit:
                 eased = np.maximum(stiffness / EASING, usual)
                 stiffness = np.where(step.folding, np.minimum(STIFFER * stiffness, STIFFEST * usual), eased)
                 energy = plate.matrix(stiffness)
-            net = _homogeneous(step.points, net[..., 3])
+            net = homogeneous(step.points, net[..., 3])
             feet = self._feet(space, net, feet.uv)
             if number >= n_rounds:
                 net, feet = self._weighted(space, net, feet)
@@ -325,7 +272,7 @@ class _SheetFit:
             diagonal=self._diagonal,
             rounds=tuple(self._record),
             stopped_by=stopped,
-            stretch=self._stretch,
+            stretch=self._flat.stretch,
             folds=folds,
         )
 
@@ -343,13 +290,6 @@ def _beyond_sides(space: TensorSpace, feet: NetFeet) -> tuple[Ints, Floats]:
     if not numbers:
         return np.empty(0, dtype=np.int64), np.empty((0, 3))
     return np.concatenate(numbers), np.concatenate(out)
-
-
-def _homogeneous(points: Floats, weights: Floats) -> Floats:
-    net = np.empty((*weights.shape, 4))
-    net[..., :3] = points.reshape(*weights.shape, 3) * weights[..., None]
-    net[..., 3] = weights
-    return net
 
 
 def _sample_places(scan: ScanData, flat: Unrolled) -> Floats:

@@ -22,7 +22,7 @@ from recon.geometric_fit.tangent_distance import BasisRows
 from recon.geometry.bspline import BSplineSurface
 from recon.numerics.bspline_basis import clamped_knots
 
-__all__ = ["NetFeet", "TensorSpace", "net_rows", "nearest_net_feet", "walk_net_feet"]
+__all__ = ["NetFeet", "TensorSpace", "homogeneous", "net_rows", "nearest_net_feet", "walk_net_feet"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -357,3 +357,11 @@ def _rows(a: _Arrays, weights: Floats, uv: Floats, size: int) -> tuple[NDArray[n
         for place in range(size):
             values[m, place] /= total
     return columns, values
+
+
+def homogeneous(points: Floats, weights: Floats) -> Floats:
+    """(n_u, n_v, 4) net of points (n_u * n_v, 3) and weights (n_u, n_v)."""
+    net = np.empty((*weights.shape, 4))
+    net[..., :3] = points.reshape(*weights.shape, 3) * weights[..., None]
+    net[..., 3] = weights
+    return net

@@ -22,7 +22,8 @@ from scipy.interpolate import RBFInterpolator
 from recon.errors import NoSurface
 from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, Wall
-from recon.hole_patch.wheel_sheet import ASTRAY, WallFit, even_edge, fit_any_wall, loop_length, sheet_of_fit, unchipped
+from recon.hole_patch.wheel_edge import ASTRAY, even_edge, loop_length, unchipped
+from recon.hole_patch.wheel_sheet import WallFit, fit_any_wall, sheet_of_fit
 from recon.numerics.foot_points import foot_points
 
 __all__ = ["bridged_sheet"]

@@ -199,18 +199,19 @@ class FractureBand:
 
     def parts(self, corners: Ints) -> tuple[FracturePart, ...]:
         """Its stretches between stations of the given numbers: C2 along the edge, also from one to the next."""
-        return tuple(self._part(first, last) for first, last in pairwise(corners))
-
-    def _part(self, first: int, last: int) -> FracturePart:
-        at = np.s_[first : last + 1]
-        t, rows = spline_part(self.t[at], self.rows[at], self.spline(self.t[[first, last]], 1))
-        wall = _wall(t, rows[:, ENDS[0]], rows[:, ENDS[1]], rows[:, BEND] + rows[:, RELIEF])
-        return FracturePart(BSplineCurve(3, t, rows[:, UV[0]]), BSplineCurve(3, t, rows[:, UV[1]]), wall)
+        return tuple(_part(self, first, last) for first, last in pairwise(corners))
 
 
 def rung_points(outer: Floats, inner: Floats) -> Floats:
     """(n, HEIGHTS, 3) points of straight rungs from outer to inner (n, 3)."""
     return outer[:, None] + np.array(HEIGHTS)[:, None] * (inner - outer)[:, None]
+
+
+def _part(band: FractureBand, first: int, last: int) -> FracturePart:
+    at = np.s_[first : last + 1]
+    t, rows = spline_part(band.t[at], band.rows[at], band.spline(band.t[[first, last]], 1))
+    wall = _wall(t, rows[:, ENDS[0]], rows[:, ENDS[1]], rows[:, BEND] + rows[:, RELIEF])
+    return FracturePart(BSplineCurve(3, t, rows[:, UV[0]]), BSplineCurve(3, t, rows[:, UV[1]]), wall)
 
 
 def _spline(t: Floats, rows: Floats, closed: bool) -> CubicSpline:

@@ -12,7 +12,6 @@ granted about its vessels: that they were thrown on a wheel, so that axis and pr
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,19 +20,21 @@ from threadpoolctl import threadpool_limits
 from recon.errors import BadGeometry, BadOption, NoHole, NoSurface, NoWall, ReconError
 from recon.geometry.mesh import TriangleMesh
 from recon.geometry.trimmed import LipPiece, ThickPiece, TrimmedSurface
-from recon.hole_patch.axis import KEPT_TO
 from recon.hole_patch.box_route import box_sheet
 from recon.hole_patch.bridged_wall import bridged_sheet
 from recon.hole_patch.fitting import distances_from, edge_samples
 from recon.hole_patch.hole import Hole
 from recon.hole_patch.lip_piece import lip_piece
+from recon.hole_patch.options import PatchMethod, PatchOptions, Relief, WallThickness
 from recon.hole_patch.relief import ReliefSheet, continue_relief
 from recon.hole_patch.rim_check import check_rim_piece
+from recon.hole_patch.road import road
 from recon.hole_patch.second_look import LEASTS, look_again
 from recon.hole_patch.settling import Settling, settle
 from recon.hole_patch.sheet import Sheet
-from recon.hole_patch.sherds import Reading, read_sherds, separate, surroundings_in, what_was_found
-from recon.hole_patch.surroundings import Axis, HoleEdge, Surroundings, Wall
+from recon.hole_patch.sherd_reading import Reading, read_sherds, separate, what_was_found
+from recon.hole_patch.sherds import surroundings_in
+from recon.hole_patch.surroundings import HoleEdge, Surroundings, Wall
 from recon.hole_patch.thick_piece import thick_piece
 from recon.hole_patch.thickness import offset_sheet
 from recon.hole_patch.trim_loop import withdrawn
@@ -45,7 +46,8 @@ from recon.hole_patch.wall_check import (
     check_walls_go_on,
 )
 from recon.hole_patch.walls import FRACTURE
-from recon.hole_patch.wheel_sheet import clean_wall, fit_wall, wheel_sheet
+from recon.hole_patch.wheel_edge import clean_wall
+from recon.hole_patch.wheel_sheet import wheel_sheet
 
 __all__ = [
     "Attempt",
@@ -64,71 +66,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-LEAST_SUPPORT = 0.75  # of the turn; half a vessel has 0.5, one squashed by a tenth 0.4, round ones 0.9 to 1; below it
-# the wall around the hole must bear the wheel out
-FARTHER = 3.0  # times as far off is the middle of a hole, on vessels bent in the tests, as left-out wall beside it
 GOING_ON = 0.02  # of a wall's edge stands off from the piece's at most, where they go on in each other
-WORTH_A_WORD = 0.25  # mm, more than a thrown wall is out of round by itself
-
-
-class PatchMethod(StrEnum):
-    """How the surface over the hole is found."""
-
-    WHEEL = "wheel"
-    BOX = "box"
-
-
-class WallThickness(Enum):
-    """Where the thickness of a wall of which only the outer side was meant to be scanned comes from."""
-
-    SHOWN = "auto"
-
-
-class Relief(StrEnum):
-    """What becomes of the pattern on the outer wall."""
-
-    NONE = "none"
-    CONTINUE = "continue"
-    DRAW = "draw"
-
-
-@dataclass(frozen=True, eq=False)
-class PatchOptions:
-    """What a user may choose.
-
-    method      WHEEL or BOX
-    thickness   of the wall in millimetres, where only the outer wall was scanned; SHOWN takes it from where the scans
-                show both sides of the wall; None leaves the piece a face
-    picks       (3, 3) points on the wall around the hole, for BOX; None lets the program find them
-    pass_band   k_PB of the filter that removes the relief
-    hole        number of the hole among `find_holes`, 0 the longest; None takes the longest that can be patched
-    relief      CONTINUE reproduces the pattern of the rest of the vessel on the outer wall, for WHEEL; DRAW does so
-                too, and where nothing on the vessel foretells the pattern draws one like it
-    clearance   in millimetres, that the piece keeps from its neighbours: room for glue
-    settle      whether the sherds are settled against each other first; the piece then fits them as settled
-    Raises  BadOption.
-    """
-
-    method: PatchMethod = PatchMethod.WHEEL
-    thickness: float | WallThickness | None = None
-    picks: Floats | None = None
-    pass_band: float = 0.01
-    hole: int | None = None
-    relief: Relief = Relief.NONE
-    clearance: float = 0.0
-    settle: bool = True
-
-    def __post_init__(self) -> None:
-        if isinstance(self.thickness, int | float) and not 0 < self.thickness < np.inf:
-            raise BadOption("--thickness", f"must be a positive length in mm, not {self.thickness}")
-        if not 0 <= self.clearance < np.inf:
-            raise BadOption("--clearance", f"must be a length in mm, not {self.clearance}")
-        if self.picks is not None and self.method is not PatchMethod.BOX:
-            raise BadOption("--picks", "three points drive the box; give --method box with them")
-        if self.relief is not Relief.NONE and self.method is PatchMethod.BOX:
-            raise BadOption("--relief", "is continued around the wheel's axis; leave --method box away")
-        if self.picks is not None and self.hole is not None:
-            raise BadOption("--hole", "the picks already say which hole is meant")
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,7 +288,7 @@ def _piece(
     most_off  of a wall's edge, that the piece's may stand off from
     Raises    NoHole, NoSurface, NoWall, BadGeometry; NoSurface also where there is no inner wall to bridge.
     """
-    method, notes = _road(around, options)
+    method, notes = road(around, options)
     notes += (changed,) if changed else ()
     notes += () if found.settling is None else (found.settling.summary(),)
     doing("covering the hole")
@@ -381,40 +319,6 @@ def _with_clean_foot(around: Surroundings) -> Surroundings:
         return around
     edge = clean_wall(outer, around.axis).edge
     return replace(around, outer=replace(outer, edge=HoleEdge(edge.points, edge.sherds)))
-
-
-def _road(around: Surroundings, options: PatchOptions) -> tuple[PatchMethod, tuple[str, ...]]:
-    axis = around.axis
-    if axis is None or options.method is PatchMethod.BOX:
-        reason = "the vessel is not round, so no wheel tells what the hole held: the box is used."
-        return PatchMethod.BOX, () if options.method is PatchMethod.BOX else (reason,)
-    if axis.support < LEAST_SUPPORT:
-        return options.method, (_bent_but_foretold(around.outer, axis),)
-    if axis.quality > WORTH_A_WORD:
-        note = f"the wall stands off from the wheel by {axis.quality:.2f} mm (root mean square); so may the piece."
-        return options.method, (note,)
-    return options.method, ()
-
-
-def _bent_but_foretold(wall: Wall, axis: Axis) -> str:
-    """What to say of a vessel that is not round, where left-out wall around the hole is still foretold from the rest.
-
-    Raises  NoSurface where it is not, by the measure that decides whether a wall keeps to the wheel.
-    """
-    foretold = fit_wall(wall, axis).residual.foretold
-    allowed = KEPT_TO * float(axis.cylindrical(wall.edge.points)[:, 1].mean())
-    keeps = f"the wall keeps to the wheel over {axis.support:.0%} of the turn only"
-    if foretold > allowed:
-        raise NoSurface(
-            f"The vessel is not round, or too much of it is missing: {keeps} ({LEAST_SUPPORT:.0%} needed), it stands"
-            f" off by {axis.quality:.2f} mm (root mean square), and left-out wall around the hole was missed by"
-            f" {foretold:.2f} mm on average (allowed {allowed:.2f}). The box method needs no wheel (--method box, with"
-            " --hole or --picks), but knows less."
-        )
-    return (
-        f"the vessel is not round: {keeps}. Left-out wall around the hole was foretold to {foretold:.2f} mm on average;"
-        f" expect the piece to be off by up to {FARTHER * foretold:.2f} mm on average."
-    )
 
 
 def _sheet(wall: Wall, around: Surroundings, method: PatchMethod, *, picks: Floats | None = None) -> Sheet:

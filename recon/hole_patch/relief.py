@@ -32,7 +32,7 @@ from recon.hole_patch.sheet import Sheet
 from recon.hole_patch.surroundings import Axis, Wall
 from recon.hole_patch.trim_loop import even_points, parameter_loop
 from recon.hole_patch.wheel_chart import RolledChart, wheel_chart
-from recon.hole_patch.wheel_sheet import clean_wall
+from recon.hole_patch.wheel_edge import clean_wall
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 

@@ -23,7 +23,8 @@ from scipy.spatial import cKDTree
 
 from recon.errors import NoHole, NoSurface
 from recon.hole_patch.assembly import Assembly, label_groups
-from recon.hole_patch.sherds import Reading, surroundings_in, with_labels
+from recon.hole_patch.sherd_reading import Reading, with_labels
+from recon.hole_patch.sherds import surroundings_in
 from recon.hole_patch.surroundings import Axis, Surroundings
 from recon.hole_patch.walls import FRACTURE, INNER, OUTER, depths_in_wall, spread
 from recon.hole_patch.wheel_sheet import WallFit, fit_wall

@@ -20,7 +20,7 @@ Paper  [kinoshita], section 3.4, for the fitted and trimmed face; [piegl1997], s
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -33,51 +33,44 @@ from scipy.spatial import cKDTree
 from recon.errors import NoSurface
 from recon.geometry.bspline import BSplineSurface
 from recon.geometry.trimmed import TrimmedSurface
-from recon.hole_patch.edge_cleaning import clean_rows
 from recon.hole_patch.residual import Residual, Ring, fit_residual, tensor_rows
 from recon.hole_patch.section_samples import vertex_areas_and_normals
 from recon.hole_patch.sheet import Sheet
-from recon.hole_patch.surroundings import Axis, HoleEdge, Wall
+from recon.hole_patch.surroundings import Axis, Wall
 from recon.hole_patch.trim_loop import SPACING as TRIM_SPACING
 from recon.hole_patch.trim_loop import parameter_loop
 from recon.hole_patch.unit_length import RADIUS, axis_in, scaled_curve, scaled_sheet, unit_length, wall_in
 from recon.hole_patch.wheel_chart import WheelChart, wheel_chart
+from recon.hole_patch.wheel_edge import (
+    DOWN,
+    MARGIN,
+    SPACING,
+    even_edge,
+    loop_length,
+    sound_points,
+    with_clean_edge,
+)
 from recon.numerics.bspline_basis import greville, uniform_knots
 from recon.numerics.foot_points import foot_points
 
 __all__ = [
     "WallFit",
-    "clean_wall",
-    "even_edge",
     "fit_any_wall",
     "fit_wall",
-    "loop_length",
     "sheet_of_fit",
-    "unchipped",
     "wheel_sheet",
-    "with_clean_edge",
 ]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 # lengths in units of the vessel (`recon.hole_patch.unit_length`) where nothing else is said
-MARGIN = 5.0  # of face beyond the hole, so that no trim curve comes near the border
 SPAN = 1.0  # between the face's knots: half of what the edge is smoothed over on either side
 MOST_SPANS = 64
-SMOOTHED = 0.8  # along the edge: shorter than any relief
-SPACING = 0.2  # between points of the edge where e is known
 LOOP_SPACING, CLEANED = 1.2, 1.5  # between points of the trim loop, and what is narrower than twice that many of them
 LEAST_EDGE = 0.5  # of the hole's edge, where it is walked over the lip, that must be left when it is cleaned
-REJECTED = 0.02  # largest share of edge points that may be taken for chips
-SMALLEST_CHIP = 0.2  # mm; what stands off by less is relief or noise
-BESIDE, MOST_BESIDE = 2.5, 4.0  # mm of edge to either side that a chip stands off from, and at most so many units
-ASTRAY = 1.25  # no relief or pose stands so far off where most of the edge does not
 MEETINGS = 4  # rounds in which the face is drawn to the edge that it missed
-DOWN = 0.3  # mm, most depth times slope of relief at the edge: cords are deep where they are level
 NEIGHBOURS = 16  # points of the edge that a node averages over: 1.5 units to either side
-JUMP = 10.0  # farther along the wall than in space: to the other side of it, and no cut corner
-SHORT = 0.05  # of the edge's points: a stretch between two jumps that is no side of the hole
 OUT_OF_ROUND = 3.0  # relief is well below, a wrong axis well above
 LIP_SPANS = 0.2, 0.5  # least length between knots over a lip, and their distance there in radii of curvature
 MOST_LIP_SPANS = 96
@@ -234,7 +227,7 @@ def _fitted(wall: Wall, axis: Axis, like: WallFit | None) -> WallFit:
     ring = _ring(wall, chart, edge)
     residual = fit_residual(ring, chart.stretch, stiffness=None if like is None else like.residual.stiffness)
     left = edge[:, 2] - residual.at(edge[:, :2])
-    sound = _sound(left, loop_length(wall.edge.points), wall.edge.sherds >= 0, unit)
+    sound = sound_points(left, loop_length(wall.edge.points), wall.edge.sherds >= 0, unit)
     return WallFit(unit, wall, chart, edge, ring, residual, sound)
 
 
@@ -246,54 +239,6 @@ def _with_enough_edge(wall: Wall, before: int) -> Wall:
             f" would have them, {LEAST_EDGE:.0%} needed. The sherds may not be round inside, or not in place."
         )
     return wall
-
-
-def clean_wall(wall: Wall, axis: Axis) -> Wall:
-    """The wall with the edge of its hole as `wheel_sheet` draws the face to it: `Sheet.sound` counts its points."""
-    if wall.edge.normals is None:
-        return wall
-    unit = unit_length(wall, axis)
-    scaled = wall_in(wall, unit)
-    edge = with_clean_edge(scaled, wheel_chart(scaled, axis_in(axis, unit)), DOWN / unit).edge
-    return replace(wall, edge=HoleEdge(edge.points * unit, edge.sherds, edge.normals))
-
-
-def with_clean_edge(wall: Wall, chart: WheelChart, down: float = DOWN) -> Wall:
-    """The wall with what is no edge of it cut off from the hole's edge: spikes, hairs and crossings in the chart, and
-    stretches that run down into the fracture, which is deep and steep at once.
-    """
-    edge = _without_strays(wall.edge, chart)
-    steps = np.linalg.norm(np.diff(edge.points, axis=0, append=edge.points[:1]), axis=1)
-    flat = chart.flat(edge.points, edge.normals)
-    # in space the edge on one wall may be nearer to that on the other than a hair is wide
-    rows = clean_rows(chart.unfolded(flat[:, :2]), flat[:, :2], float(np.median(steps)))
-    if edge.normals is None:
-        return replace(wall, edge=HoleEdge(edge.points[rows], edge.sherds[rows]))
-    points, flat, normals = edge.points[rows], flat[rows], edge.normals[rows]
-    outward = np.einsum("ij,ij->i", chart.space(flat + np.array([0.0, 0.0, 1.0])) - points, normals)
-    steep = np.sqrt(1.0 / np.clip(outward, 1e-3, 1.0) ** 2 - 1.0)
-    deep = _running_median(flat[:, 2], loop_length(points), 4.0 * MARGIN) - flat[:, 2]
-    on_wall = deep * steep < down
-    return replace(wall, edge=HoleEdge(points[on_wall], edge.sherds[rows][on_wall], normals[on_wall]))
-
-
-def _without_strays(edge: HoleEdge, chart: WheelChart) -> HoleEdge:
-    """The edge without points laid on the other wall, by their normal or for a short stretch of the line: to the chart
-    it jumps there and back, and what lies between would be cut off as a hair.
-    """
-    if edge.normals is None:
-        return edge
-    off = chart.flat(edge.points, edge.normals)[:, 2]
-    rows = np.flatnonzero(np.abs(off - _running_median(off, loop_length(edge.points), 4.0 * MARGIN)) < ASTRAY)
-    points = edge.points[rows]
-    place = chart.unfolded(chart.flat(points, edge.normals[rows])[:, :2])
-    along, across = (np.linalg.norm(np.roll(x, -1, axis=0) - x, axis=1) for x in (place, points))
-    # runs between jumps; the first goes on in the last
-    run = np.roll(np.cumsum(along > across + JUMP), 1)
-    run[0] = 0
-    run[run == run.max()] = 0 if along[-1] <= across[-1] + JUMP else run.max()
-    rows = rows[(np.bincount(run) > SHORT * len(rows))[run]]
-    return HoleEdge(edge.points[rows], edge.sherds[rows], edge.normals[rows])
 
 
 def _ring(wall: Wall, chart: WheelChart, edge: Floats) -> Ring:
@@ -362,53 +307,6 @@ def _abscissae(knots: Floats) -> Floats:
 
 def _knots(spans: int, low: float, high: float) -> Floats:
     return uniform_knots(int(spans) + 3, 3, low, high)
-
-
-def _sound(left: Floats, length: Floats, measured: Bools, unit: float) -> Bools:
-    """(n,) points of the edge that were measured, on the wall, and are no chips.
-
-    A chip stands off from the edge around it; a stretch that strayed into the fracture, from all the rest.
-    """
-    astray = np.abs(left - np.median(left[measured]))
-    on_wall = astray <= max(6.0 * 1.4826 * float(np.median(astray[measured])), ASTRAY)
-    return on_wall & unchipped(left, length, measured, unit)
-
-
-def unchipped(left: Floats, length: Floats, measured: Bools, unit: float) -> Bools:
-    """(n,) points of the edge that were measured and do not stand off from the edge around them.
-
-    left    (n,) e along the edge, in units
-    length  (n + 1,) along it
-    """
-    off = np.abs(left - _running_median(left, length, min(BESIDE / unit, MOST_BESIDE)))
-    usual = 1.4826 * float(np.median(off[measured]))
-    allowed = float(np.quantile(off[measured], 1.0 - REJECTED, method="higher"))  # never more than the share
-    return measured & (off <= max(6.0 * usual, allowed, SMALLEST_CHIP / unit))
-
-
-def loop_length(loop: Floats) -> Floats:
-    """(n + 1,) length along a closed polyline at its points and, last, all around."""
-    steps = np.linalg.norm(np.diff(loop, axis=0, append=loop[:1]), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _running_median(values: Floats, length: Floats, half_width: float) -> Floats:
-    """(n,) median of the values within a half width on either side along a closed polyline."""
-    n = max(32, round(10 * length[-1] / half_width))
-    at = np.linspace(0.0, length[-1], n, endpoint=False)
-    even = np.interp(at, length[:-1], values, period=length[-1])
-    median = np.median([np.roll(even, k) for k in range(-10, 11)], axis=0)
-    return np.interp(length[:-1], at, median, period=length[-1])
-
-
-def even_edge(edge: Floats, left: Floats, sound: Bools) -> Floats:
-    """(k, 3) u, s and e at even steps along the edge, e averaged over `SMOOTHED`, bridges and chips filled."""
-    length = loop_length(edge[:, :2])
-    at = np.linspace(0.0, length[-1], max(16, round(length[-1] / SPACING)), endpoint=False)
-    place = [np.interp(at, length[:-1], column, period=length[-1]) for column in edge[:, :2].T]
-    e = np.interp(at, length[:-1][sound], left[sound], period=length[-1])
-    half = round(0.5 * SMOOTHED / SPACING)
-    return np.stack([*place, np.mean([np.roll(e, k) for k in range(-half, half + 1)], axis=0)], axis=1)
 
 
 def _drawn_to_edge(face: _Face, distance: Floats, edge: Floats) -> Floats:

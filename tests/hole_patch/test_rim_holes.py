@@ -18,10 +18,11 @@ from recon.hole_patch.pipeline import MissingPiece, PatchOptions, Relief, patch_
 from recon.hole_patch.relief import ReliefSource
 from recon.hole_patch.rim_check import RimFigures, check_rim_piece, rim_figures
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
-from recon.hole_patch.sherds import find_holes
+from recon.hole_patch.sherd_reading import find_holes
 from recon.hole_patch.surroundings import Axis, HoleEdge, HoleKind
 from recon.hole_patch.unit_length import axis_in, wall_in
-from recon.hole_patch.wheel_sheet import clean_wall, wheel_sheet
+from recon.hole_patch.wheel_edge import clean_wall
+from recon.hole_patch.wheel_sheet import wheel_sheet
 from recon.numerics.polygons import within
 
 OPTIONS = VesselOptions(edge=1.4, seed=1, lost_at_rim=True)

@@ -8,7 +8,8 @@ from scipy.spatial import cKDTree
 
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
 from recon.hole_patch.second_look import look_again
-from recon.hole_patch.sherds import Reading, read_sherds, surroundings_in, with_labels
+from recon.hole_patch.sherd_reading import Reading, read_sherds, with_labels
+from recon.hole_patch.sherds import surroundings_in
 from recon.hole_patch.surroundings import HoleEdge, Surroundings
 from recon.hole_patch.walls import FRACTURE, INNER, OUTER
 from recon.numerics.distance import TriangleTree

@@ -8,7 +8,7 @@ import pytest
 from recon.errors import BadOption, NoHole, NoSurface
 from recon.hole_patch.pipeline import PatchOptions, list_holes, patch_hole, patch_holes
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel
-from recon.hole_patch.sherds import find_holes, read_sherds
+from recon.hole_patch.sherd_reading import find_holes, read_sherds
 from recon.hole_patch.surroundings import HoleKind
 
 AS_THEY_ARE = PatchOptions(settle=False)

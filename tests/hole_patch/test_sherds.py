@@ -12,7 +12,8 @@ from recon.errors import BadGeometry, BadOption, NoHole, NotManifold, ReconError
 from recon.geometry.mesh import TriangleMesh
 from recon.hole_patch.edge_cleaning import chart_points, crossings, signed_area
 from recon.hole_patch.sample_vessel import BrokenVessel, VesselOptions, broken_vessel, whole_vessel
-from recon.hole_patch.sherds import find_holes, surroundings
+from recon.hole_patch.sherd_reading import find_holes
+from recon.hole_patch.sherds import surroundings
 from recon.hole_patch.surroundings import HoleKind, Surroundings, Wall
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data"

@@ -1,4 +1,7 @@
-"""The import contract: data climbs, imports descend, rooms have no doors between them, OCP stays behind brep_export."""
+"""The import contract: data climbs, imports descend, rooms have no doors between them, OCP stays behind brep_export.
+
+And the sizes beyond which a module, a function or a class is taken apart.
+"""
 
 import ast
 from pathlib import Path
@@ -34,6 +37,7 @@ BELOW = {
         "brep_export",
     ),
 }
+MOST_LINES, MOST_LINES_OF_A_FUNCTION, MOST_METHODS = 400, 60, 12
 MODULES = sorted(p for package in ("recon", "brep_export") for p in (ROOT / package).rglob("*.py"))
 
 
@@ -76,6 +80,23 @@ def test_no_kernel_below_the_kernel_door(path):
 @pytest.mark.parametrize("path", MODULES, ids=module_name)
 def test_no_dumping_grounds(path):
     assert not {"utils", "util", "helpers", "misc", "common"} & set(path.relative_to(ROOT).with_suffix("").parts)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module_name)
+def test_modules_functions_and_classes_stay_small(path):
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= MOST_LINES
+    declares_options = "commands" in path.parts
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef) and not declares_options:
+            assert node.end_lineno - node.lineno < MOST_LINES_OF_A_FUNCTION, node.name
+        if isinstance(node, ast.ClassDef):
+            methods = [f for f in node.body if isinstance(f, ast.FunctionDef) and not f.name.startswith("__")]
+            assert len([f for f in methods if not is_property(f)]) <= MOST_METHODS, node.name
+
+
+def is_property(function: ast.FunctionDef) -> bool:
+    return any(isinstance(d, ast.Name) and d.id.endswith("property") for d in function.decorator_list)
 
 
 def test_every_storey_of_the_contract_exists():
