@@ -37,6 +37,7 @@ ACROSS = 0.55  # greatest |n_θ| of a wall; fractures and the sides of handles h
 FEW_SECTORS = 8  # of 24; a ring of fewer is an arc, about which a wrong axis says as much as the right one
 LEVEL = 0.7  # cosine between the axis and the normals of a base
 LEAST_BASE = 0.1  # of the disc around the axis, that tells where the base is
+FLAT, AT_END, FLATTER = 0.9, 0.1, 3.0  # cosine of level wall, share of the height from an end, times the other's area
 KEPT_TO = 0.02  # of the radius: what a hand that lifts the wet pot leaves; a squashed one is off by more
 
 
@@ -112,13 +113,29 @@ def _base_down(point: Floats, direction: Floats, p: Floats, n: Floats, w: Floats
     _, radius, height = axis.cylindrical(p).T
     near = 0.25 * float(np.quantile(radius, 0.98))
     inner = (radius < near) & (np.abs(n @ axis.direction) > LEVEL)  # not the neck of a bottle
-    if w[inner].sum() < LEAST_BASE * np.pi * near**2:  # no base among the sherds: the narrow end stands for it
-        inner = radius < np.quantile(radius, 0.1)
+    if w[inner].sum() < LEAST_BASE * np.pi * near**2:  # of the base what is near the axis is lost, or all
+        inner = _flat_end(np.abs(n @ axis.direction), radius, height, w)
     middle = 0.5 * (np.quantile(height, 0.01) + np.quantile(height, 0.99))
     base_below = np.average(height[inner], weights=w[inner]) < middle
     direction = axis.direction if base_below else -axis.direction
     origin = axis.point + axis.direction * float(np.average(height, weights=w))
     return Axis(origin, direction, 0.0)
+
+
+def _flat_end(level: Floats, radius: Floats, height: Floats, w: Floats) -> NDArray[np.bool_]:
+    """(F,) faces of the end that level wall closes toward the axis, and not the other, else those of the narrow end.
+
+    level   (F,) cosine between the axis and the faces' normals, without its sign
+    """
+    low, high = np.quantile(height, [0.01, 0.99])
+    within = AT_END * (high - low)
+    ends = height < low + within, height > high - within
+    inward = [1.0 - radius / max(float(np.quantile(radius[end], 0.95)), 1e-300) for end in ends]  # a lip has none
+    closed = [float((w * np.maximum(reach, 0.0))[end & (level > FLAT)].sum()) for end, reach in zip(ends, inward)]
+    which = int(np.argmax(closed))
+    if closed[which] > FLATTER * closed[1 - which]:
+        return ends[which]
+    return np.asarray(radius < np.quantile(radius, 0.1))
 
 
 class Departure(NamedTuple):

@@ -99,7 +99,8 @@ def fracture_faces(
     recurs = around / min(SECTORS, int(around.max()))
     wall = np.clip((recurs - 1 / 6) / (1 / 3 - 1 / 6), 0.0, 1.0)
     far = has_far_side(table, normals, thickness)
-    sheet = (recurs > RECURRING) & ~mated
+    # of a base that lost its half no face recurs as often as others do
+    sheet = ((recurs > RECURRING) | ((wall == 1.0) & far)) & ~mated
     allowed = min(max(DEEP * thickness, 2.0 * axis.quality), DEEPEST * thickness)
     deep = depths_in_wall(table, normals, axis, sheet, of=np.arange(table.n_faces)) > allowed
     height = axis.cylindrical(table.centres)[:, 2]
@@ -108,7 +109,8 @@ def fracture_faces(
     belief = 0.07 * np.abs(2.0 * wall - 1.0)
     lump, level = _contradicted(table, normals, wall, far=far, mated=mated)
     belief[(lump & ~deep) | level] *= 0.03
-    wall[deep & ~mated & ~far] = 0.0
+    sunk = deep & ~mated & ~far
+    wall[sunk], belief[sunk] = 0.0, 0.07
     guess = np.where(mated, 0.0, wall)
     share = spread(table, normals, guess=guess, belief=np.where(mated, 0.2, belief))
     fracture = _without_specks(table, (share < 0.5).astype(np.int64), thickness**2) == 1
