@@ -1,4 +1,4 @@
-"""Half of the base is lost, with wall beside it: where little of the turn is left, wall and fracture are told all the same."""
+"""Half of the base is lost, with wall beside it: where little of the turn is left, wall and fracture are told even so."""
 
 import numpy as np
 import pytest
