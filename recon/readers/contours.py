@@ -1,7 +1,8 @@
 """Contour lines from files: GeoJSON, DXF, CSV with one point a row, and what pyogrio reads (Shapefile, GeoPackage).
 
 GeoJSON  LineString and MultiLineString, the height in a property (ELEV, elevation, height, z ...) or in the coordinates
-DXF      polylines with an elevation, and 3D polylines of one height; the unit of its header is checked
+DXF      polylines with an elevation, 3D polylines of one height, arcs and splines as chords; the unit of its header is
+         checked
 SHP, GPKG  as GeoJSON, with the extra `gis`
 CSV      columns x, y, z and, where contours of one height follow each other, a column `line` that numbers them
 
@@ -36,6 +37,8 @@ CONTOUR_ENDINGS = (".geojson", ".csv", ".dxf", ".shp", ".gpkg")
 METRES = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937}
 DXF_UNITS = {1: "inches", 2: "ft", 4: "millimetres", 5: "centimetres", 6: "m", 7: "kilometres", 21: "us-ft"}
 LINE, POINT = "LineString", "Point"
+DXF_LINES, DXF_CURVES = ("LWPOLYLINE", "POLYLINE", "LINE"), ("SPLINE", "ARC", "CIRCLE", "ELLIPSE")
+SAGITTA = 0.01, 1e-6  # by which chords may lie off a curve, in the drawing's unit and of the curve's size
 LEVEL = 1e-6  # by which the heights of one contour may differ, as decimals are rounded
 HEIGHT_NAMES = ("elev", "elevation", "height", "z", "ele", "level", "contour", "hoehe", "alt", "altitude")
 
@@ -121,7 +124,7 @@ def _dxf_lines(rows: _MapRows, drawing: Any, path: Path, unit: str | None) -> st
             str(path), f"says that it is drawn in {header}", "Say --unit m if its numbers are metres, as maps often are"
         )
     space = drawing.modelspace()
-    for number, entity in enumerate(space.query("LWPOLYLINE POLYLINE LINE")):
+    for number, entity in enumerate(space.query(" ".join(DXF_LINES + DXF_CURVES))):
         points = _dxf_points(entity)
         if len(points) < 2:
             raise BadGeometry(f"contour {number}", "has one vertex only")
@@ -134,16 +137,34 @@ def _dxf_lines(rows: _MapRows, drawing: Any, path: Path, unit: str | None) -> st
 
 
 def _dxf_points(entity: Any) -> Floats:
-    if entity.dxftype() == "LINE":
+    """(n, 3) vertices of a line, or ends of a curve's chords; of a closed one the first comes again as the last."""
+    kind = entity.dxftype()
+    if kind in DXF_CURVES or getattr(entity, "has_arc", False):
+        return _dxf_chords(entity)
+    if kind == "LINE":
         points = [entity.dxf.start, entity.dxf.end]
-    elif entity.dxftype() == "LWPOLYLINE":
+    elif kind == "LWPOLYLINE":
         points = list(entity.vertices_in_wcs())
-    else:
-        points = list(entity.points_in_wcs())
+    else:  # the frame that a smoothed polyline was drawn by stands among its vertices
+        frame = [bool(vertex.dxf.flags & vertex.SPLINE_FRAME_CONTROL_POINT) for vertex in entity.vertices]
+        points = [point for point, is_frame in zip(entity.points_in_wcs(), frame) if not is_frame]
     rows = np.array([(p.x, p.y, p.z) for p in points]).reshape(-1, 3)
-    is_ring = entity.dxftype() != "LINE" and bool(entity.is_closed)
+    is_ring = kind != "LINE" and bool(entity.is_closed)
     if is_ring and len(rows) and (rows[0] != rows[-1]).any():
         rows = np.vstack([rows, rows[:1]])
+    return rows
+
+
+def _dxf_chords(entity: Any) -> Floats:
+    from ezdxf.path import make_path
+
+    path = make_path(entity, segments=16)  # parts of an arc, each a cubic that lies off it by little
+    corners = np.array([(p.x, p.y, p.z) for p in path.control_vertices()]).reshape(-1, 3)
+    length, share = SAGITTA
+    size = float(np.ptp(corners, axis=0).max()) if len(corners) else 0.0
+    rows = np.array([(p.x, p.y, p.z) for p in path.flattening(max(length, share * size))]).reshape(-1, 3)
+    if path.is_closed and len(rows):
+        rows[-1] = rows[0]
     return rows
 
 

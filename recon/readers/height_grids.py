@@ -92,8 +92,7 @@ class _Windows:
         with _told_of(self.path), rasterio.open(self.path) as source:
             left, right, _ = columns.indices(source.width)
             window = rasterio.windows.Window(left, self.n_rows - stop, right - left, stop - first)
-            band = source.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
-        return np.asarray(band[::-1])
+            return _band(source, window)[::-1]
 
 
 @contextmanager
@@ -145,8 +144,7 @@ def _raster(path: Path, *, project: bool) -> HeightGrid:
     rasterio = require_rasterio(str(path))
     try:
         with rasterio.open(path) as source:
-            band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
-            way, crs = source.transform, source.crs
+            band, way, crs = _band(source), source.transform, source.crs
     except rasterio.errors.RasterioError as problem:
         raise UnreadableFile(str(path), f"is no grid that rasterio reads ({problem})") from problem
     _axes(path, way, band.shape)
@@ -156,6 +154,12 @@ def _raster(path: Path, *, project: bool) -> HeightGrid:
             raise UnreadableFile(str(path), "has coordinates in degrees", IN_DEGREES)
         band, way, label = in_utm_grid(band, way, crs, str(path))
     return HeightGrid(*_axes(path, way, band.shape), band[::-1], label)
+
+
+def _band(source: Any, window: Any = None) -> Floats:
+    """Heights of the first band: its numbers times its scale and more by its offset, which the library leaves alone."""
+    numbers = source.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
+    return np.asarray(numbers * source.scales[0] + source.offsets[0])
 
 
 def _axes(path: Path, way: Any, shape: tuple[int, int]) -> tuple[Floats, Floats]:
