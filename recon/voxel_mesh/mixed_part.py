@@ -280,7 +280,7 @@ def _in_model_units(
 ) -> MixedBoundary:
     """With the vertices that are used, the bodies and their voids."""
     grid = pieces.part.grid
-    used = np.unique([v for edge in edges for v in (edge.start, edge.end)])
+    used = np.unique(np.array([v for edge in edges for v in (edge.start, edge.end)], dtype=np.int64))
     number = np.full(len(places), -1)
     number[used] = np.arange(len(used))
     placed = (
