@@ -136,8 +136,8 @@ def _model(models: dict[str, bytes], name: str, file: str) -> _Model:
 def _object(element: Any, model: str) -> _Object:
     vertices = element.iterfind("{*}mesh/{*}vertices/{*}vertex")
     triangles = element.iterfind("{*}mesh/{*}triangles/{*}triangle")
-    points = np.array([[float(v.attrib[axis]) for axis in "xyz"] for v in vertices], dtype=np.float64)
-    faces = np.array([[int(t.attrib[key]) for key in ("v1", "v2", "v3")] for t in triangles], dtype=np.int64)
+    points = np.array([[float(v.get(axis)) for axis in "xyz"] for v in vertices], dtype=np.float64)
+    faces = np.array([[int(t.get(key)) for key in ("v1", "v2", "v3")] for t in triangles], dtype=np.int64)
     parts = tuple(_used(part, model) for part in element.iterfind("{*}components/{*}component"))
     return _Object(points.reshape(-1, 3), faces.reshape(-1, 3), parts)
 
