@@ -12,7 +12,6 @@ changes along them are break lines, where those are asked for: the heights at th
 
 import csv
 import json
-import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -26,7 +25,7 @@ from recon.errors import BadGeometry, BadOption, UnreadableFile
 from recon.geometry.contour_map import ContourMap
 from recon.readers.content import file_text, require_plain_file
 from recon.readers.dxf_documents import damaged_dxf_refused, dxf_document
-from recon.readers.projection import IN_DEGREES, in_utm
+from recon.readers.projection import IN_DEGREES, in_utm, is_in_degrees, metres_of
 
 __all__ = ["CONTOUR_ENDINGS", "read_contours"]
 
@@ -100,13 +99,16 @@ def read_contours(
         crs = _geojson(rows, file_text(path, CONTOUR_ENDINGS), name, attribute)
     if not rows.lines:
         raise UnreadableFile(name, "holds no contour lines")
+    if unit is None and abs(metres_of(crs) - 1.0) > 1e-9:
+        instead = "Say --unit ft or us-ft where its heights are in feet too, or project it to metres first"
+        raise UnreadableFile(name, f"has coordinates in units of {metres_of(crs):.6g} m", instead)
     metres = METRES[told or "m"]
     lines, heights, spots = rows.lines, metres * np.array(rows.heights), rows.all_spots()
     if not _in_degrees(lines, crs):
         return ContourMap([metres * line for line in lines], heights, crs=crs, spots=metres * spots)
     if not project:
         raise UnreadableFile(name, "has coordinates in degrees", IN_DEGREES)
-    places, zone = in_utm(np.concatenate([*lines, spots[:, :2]]), name)
+    places, zone = in_utm(np.concatenate([*lines, spots[:, :2]]), name, crs)
     *lines, places = np.split(places, np.cumsum([len(line) for line in lines]))
     return ContourMap(lines, heights, crs=zone, spots=np.column_stack([places, metres * spots[:, 2]]))
 
@@ -215,10 +217,10 @@ def _plain(value: Any) -> Any:
 
 
 def _in_degrees(lines: list[Floats], crs: str) -> bool:
+    if crs:
+        return is_in_degrees(crs)
     points = np.concatenate(lines)
-    if re.search(r"CRS84|EPSG:+4326$", crs) is not None:
-        return True
-    return not crs and bool((np.abs(points) <= (180.0, 90.0)).all() and np.ptp(points, axis=0).max() < 10.0)
+    return bool((np.abs(points) <= (180.0, 90.0)).all() and np.ptp(points, axis=0).max() < 10.0)
 
 
 def _geojson(rows: _MapRows, text: str, name: str, attribute: str | None) -> str:
