@@ -130,10 +130,10 @@ def main() -> None:
             row.accepted += ended == "accepted"
             row.slowest, row.most = max(row.slowest, seconds), max(row.most, more)
             row.faults += [fault] if fault else []
-    print(f"{'format':18} {'ran':>6} {'refused':>8} {'accepted':>9} {'faults':>7} {'slowest s':>10} {'most MB':>8}")
+    print(f"{'format':24} {'ran':>6} {'refused':>8} {'accepted':>9} {'faults':>7} {'slowest s':>10} {'most MB':>8}")
     for name in [*SPECIMENS, "all"]:
         r = rows[name] if name in SPECIMENS else total(rows)
-        print(f"{name:18} {r.ran:6} {r.refused:8} {r.accepted:9} {len(r.faults):7} {r.slowest:10.2f} {r.most:8.0f}")
+        print(f"{name:24} {r.ran:6} {r.refused:8} {r.accepted:9} {len(r.faults):7} {r.slowest:10.2f} {r.most:8.0f}")
     faults = [f"{name}: {fault}" for name, r in rows.items() for fault in r.faults]
     print(*faults[:40], sep="\n")
     sys.exit(1 if faults else 0)

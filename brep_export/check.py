@@ -296,7 +296,7 @@ def _triangulation_defects(
     """Line 4.  Coarse triangles of a thin wall may cut where the faces do not, so these are looked at again closer."""
     uses, triangles = seen.uses, triangulate(shape, deflection, planes=seen.planes)
     defects = _mesh_defects(triangles, uses, closes=closes)
-    if _cut(defects) and len(triangles.triangle_face) <= MANY:
+    if _cut(defects) and len(triangles.triangle_face) <= REFINED_AT_MOST:
         finer = triangulate(shape, deflection / 4, angle=0.2)
         finer_defects = _mesh_defects(finer, uses, closes=closes)
         if not _cut(finer_defects):
@@ -334,7 +334,7 @@ def _mesh_defects(triangles: ShapeTriangulation, uses: EdgeUses, *, closes: bool
     return [*found.values()] + ([replace(cut, code="self-intersection", what=_CUTS)] if cut else [])
 
 
-MANY = 50_000  # triangles up to which all faces are cut into finer ones first
+REFINED_AT_MOST = 50_000  # triangles up to which all faces are cut into finer ones first
 
 _CUTS = "faces that cut themselves or each other, in pairs of triangles"
 

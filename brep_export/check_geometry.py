@@ -45,7 +45,7 @@ Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
 Found = dict[BRepCheck_Status, Point | None]
 
-MANY = 5_000  # faces that the kernel checks at once
+AT_ONCE = 5_000  # faces that the kernel checks at once
 _SLACK = 1.001  # tolerances are set from measured gaps, and a second measurement may differ in the last digits
 _FINEST = 1e-7  # the kernel never takes a tolerance below this one seriously
 
@@ -167,7 +167,8 @@ def kernel_defects(shape: TopoDS_Shape, explained: Collection[BRepCheck_Status] 
 
     explained  findings that another line of the gate has named already
     """
-    found, valid = _found_whole(shape) if count(shape, TopAbs_ShapeEnum.TopAbs_FACE) <= MANY else _found_by_parts(shape)
+    is_small = count(shape, TopAbs_ShapeEnum.TopAbs_FACE) <= AT_ONCE
+    found, valid = _found_whole(shape) if is_small else _found_by_parts(shape)
     if valid:
         return True, []
     found.pop(BRepCheck_Status.BRepCheck_NoError, None)
@@ -209,8 +210,8 @@ def _found_by_parts(shape: TopoDS_Shape) -> tuple[Found, bool]:
     for shell in sub_shapes(shape, TopAbs_ShapeEnum.TopAbs_SHELL, TopAbs_ShapeEnum.TopAbs_SOLID):
         _note(found, BRepCheck_Shell(TopoDS.Shell_s(shell)), shell)
     faces, valid = each_once(shape, TopAbs_ShapeEnum.TopAbs_FACE), found.keys() <= {BRepCheck_Status.BRepCheck_NoError}
-    for first in range(0, len(faces), MANY):
-        more, sound = _found_whole(compound_of(faces[first : first + MANY]))
+    for first in range(0, len(faces), AT_ONCE):
+        more, sound = _found_whole(compound_of(faces[first : first + AT_ONCE]))
         valid = valid and sound
         found = more | found
     return found, valid

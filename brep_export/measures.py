@@ -38,7 +38,7 @@ _SOLID, _SHELL, _FACE, _EDGE = (
 )
 
 
-MANY = 1000  # faces from which on a survey is made to see whether all of them are flat
+SURVEYED_FROM = 1000  # faces from which on a survey is made to see whether all of them are flat
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def measure(shape: TopoDS_Shape, *, relative_error: float = 1e-3, seen: Survey |
     relative_error  of the volume of faces that are no B-splines, asked of the Gauss-Kronrod rule
     seen            the shape's survey, where that was made already
     """
-    if seen is None and count(shape, _FACE) >= MANY:
+    if seen is None and count(shape, _FACE) >= SURVEYED_FROM:
         seen = survey(shape)
     if seen is not None and seen.planes.all():
         return _of_flat_faces(shape, seen.planes)

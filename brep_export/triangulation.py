@@ -33,7 +33,7 @@ __all__ = ["ShapeTriangulation", "triangulate"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MANY = 1000  # flat faces from which on it pays to look for triangles among them
+SOUGHT_FROM = 1000  # flat faces from which on it pays to look for triangles among them
 
 _EDGE, _FACE, _VERTEX = TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_VERTEX
 
@@ -66,7 +66,7 @@ def triangulate(
     angle       radians, largest turn from one triangle to the next along an edge
     planes      of this shape: faces that are triangles already are taken as they are
     """
-    if planes is not None and planes.flat.sum() > MANY and planes.uses.is_solid.all():
+    if planes is not None and planes.flat.sum() > SOUGHT_FROM and planes.uses.is_solid.all():
         return _around_triangles(planes, deflection, angle, name)
     shape = BRepBuilderAPI_Copy(shape, False, False).Shape()
     BRepMesh_IncrementalMesh(shape, deflection, False, angle, False)

@@ -1,7 +1,8 @@
 """Contour lines from files: GeoJSON, DXF, CSV with one point a row, and what pyogrio reads (Shapefile, GeoPackage).
 
 GeoJSON  LineString and MultiLineString, the height in a property (ELEV, elevation, height, z ...) or in the coordinates
-DXF      polylines with an elevation, and 3D polylines of one height; the unit of its header is checked
+DXF      polylines with an elevation, 3D polylines of one height, arcs and splines as chords; the unit of its header is
+         checked
 SHP, GPKG  as GeoJSON, with the extra `gis`
 CSV      columns x, y, z and, where contours of one height follow each other, a column `line` that numbers them
 
@@ -11,7 +12,6 @@ changes along them are break lines, where those are asked for: the heights at th
 
 import csv
 import json
-import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ from recon.errors import BadGeometry, BadOption, UnreadableFile
 from recon.geometry.contour_map import ContourMap
 from recon.readers.content import file_text, require_plain_file
 from recon.readers.dxf_documents import damaged_dxf_refused, dxf_document
-from recon.readers.projection import IN_DEGREES, in_utm
+from recon.readers.projection import IN_DEGREES, in_utm, is_in_degrees, metres_of
 
 __all__ = ["CONTOUR_ENDINGS", "read_contours"]
 
@@ -36,6 +36,8 @@ CONTOUR_ENDINGS = (".geojson", ".csv", ".dxf", ".shp", ".gpkg")
 METRES = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937}
 DXF_UNITS = {1: "inches", 2: "ft", 4: "millimetres", 5: "centimetres", 6: "m", 7: "kilometres", 21: "us-ft"}
 LINE, POINT = "LineString", "Point"
+DXF_LINES, DXF_CURVES = ("LWPOLYLINE", "POLYLINE", "LINE"), ("SPLINE", "ARC", "CIRCLE", "ELLIPSE")
+SAGITTA = 0.01, 1e-6  # by which chords may lie off a curve, in the drawing's unit and of the curve's size
 LEVEL = 1e-6  # by which the heights of one contour may differ, as decimals are rounded
 HEIGHT_NAMES = ("elev", "elevation", "height", "z", "ele", "level", "contour", "hoehe", "alt", "altitude")
 
@@ -97,13 +99,16 @@ def read_contours(
         crs = _geojson(rows, file_text(path, CONTOUR_ENDINGS), name, attribute)
     if not rows.lines:
         raise UnreadableFile(name, "holds no contour lines")
+    if unit is None and abs(metres_of(crs) - 1.0) > 1e-9:
+        instead = "Say --unit ft or us-ft where its heights are in feet too, or project it to metres first"
+        raise UnreadableFile(name, f"has coordinates in units of {metres_of(crs):.6g} m", instead)
     metres = METRES[told or "m"]
     lines, heights, spots = rows.lines, metres * np.array(rows.heights), rows.all_spots()
     if not _in_degrees(lines, crs):
         return ContourMap([metres * line for line in lines], heights, crs=crs, spots=metres * spots)
     if not project:
         raise UnreadableFile(name, "has coordinates in degrees", IN_DEGREES)
-    places, zone = in_utm(np.concatenate([*lines, spots[:, :2]]), name)
+    places, zone = in_utm(np.concatenate([*lines, spots[:, :2]]), name, crs)
     *lines, places = np.split(places, np.cumsum([len(line) for line in lines]))
     return ContourMap(lines, heights, crs=zone, spots=np.column_stack([places, metres * spots[:, 2]]))
 
@@ -121,7 +126,7 @@ def _dxf_lines(rows: _MapRows, drawing: Any, path: Path, unit: str | None) -> st
             str(path), f"says that it is drawn in {header}", "Say --unit m if its numbers are metres, as maps often are"
         )
     space = drawing.modelspace()
-    for number, entity in enumerate(space.query("LWPOLYLINE POLYLINE LINE")):
+    for number, entity in enumerate(space.query(" ".join(DXF_LINES + DXF_CURVES))):
         points = _dxf_points(entity)
         if len(points) < 2:
             raise BadGeometry(f"contour {number}", "has one vertex only")
@@ -134,16 +139,34 @@ def _dxf_lines(rows: _MapRows, drawing: Any, path: Path, unit: str | None) -> st
 
 
 def _dxf_points(entity: Any) -> Floats:
-    if entity.dxftype() == "LINE":
+    """(n, 3) vertices of a line, or ends of a curve's chords; of a closed one the first comes again as the last."""
+    kind = entity.dxftype()
+    if kind in DXF_CURVES or getattr(entity, "has_arc", False):
+        return _dxf_chords(entity)
+    if kind == "LINE":
         points = [entity.dxf.start, entity.dxf.end]
-    elif entity.dxftype() == "LWPOLYLINE":
+    elif kind == "LWPOLYLINE":
         points = list(entity.vertices_in_wcs())
-    else:
-        points = list(entity.points_in_wcs())
+    else:  # the frame that a smoothed polyline was drawn by stands among its vertices
+        frame = [bool(vertex.dxf.flags & vertex.SPLINE_FRAME_CONTROL_POINT) for vertex in entity.vertices]
+        points = [point for point, is_frame in zip(entity.points_in_wcs(), frame) if not is_frame]
     rows = np.array([(p.x, p.y, p.z) for p in points]).reshape(-1, 3)
-    is_ring = entity.dxftype() != "LINE" and bool(entity.is_closed)
+    is_ring = kind != "LINE" and bool(entity.is_closed)
     if is_ring and len(rows) and (rows[0] != rows[-1]).any():
         rows = np.vstack([rows, rows[:1]])
+    return rows
+
+
+def _dxf_chords(entity: Any) -> Floats:
+    from ezdxf.path import make_path
+
+    path = make_path(entity, segments=16)  # parts of an arc, each a cubic that lies off it by little
+    corners = np.array([(p.x, p.y, p.z) for p in path.control_vertices()]).reshape(-1, 3)
+    length, share = SAGITTA
+    size = float(np.ptp(corners, axis=0).max()) if len(corners) else 0.0
+    rows = np.array([(p.x, p.y, p.z) for p in path.flattening(max(length, share * size))]).reshape(-1, 3)
+    if path.is_closed and len(rows):
+        rows[-1] = rows[0]
     return rows
 
 
@@ -194,10 +217,10 @@ def _plain(value: Any) -> Any:
 
 
 def _in_degrees(lines: list[Floats], crs: str) -> bool:
+    if crs:
+        return is_in_degrees(crs)
     points = np.concatenate(lines)
-    if re.search(r"CRS84|EPSG:+4326$", crs) is not None:
-        return True
-    return not crs and bool((np.abs(points) <= (180.0, 90.0)).all() and np.ptp(points, axis=0).max() < 10.0)
+    return bool((np.abs(points) <= (180.0, 90.0)).all() and np.ptp(points, axis=0).max() < 10.0)
 
 
 def _geojson(rows: _MapRows, text: str, name: str, attribute: str | None) -> str:

@@ -6,12 +6,15 @@ are looked at first.
 
     128 bytes, DICM, then elements:   group 2 | element 2 | VR 2 | length 2, or 0 0 and 4 | value       explicit VR
                                       group 2 | element 2 |        length 4               | value       implicit VR
+
+The value of a sequence is items, each an element of group fffe whose value is elements again.  So sequences are walked
+through without a look at where they end: an item's head is passed, and the next element is the first within it.
 """
 
 import math
 import struct
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,27 +27,25 @@ __all__ = ["read_dicom"]
 
 Floats = NDArray[np.float64]
 
-MAGIC, MAGIC_AT = b"DICM", 128
+MAGIC, MAGIC_AT, FIRST = b"DICM", 128, 132  # and where the first element stands
 ENDINGS = (".dcm", ".dicom", ".ima")
-LONG = (
-    b"OB",
-    b"OD",
-    b"OF",
-    b"OL",
-    b"OV",
-    b"OW",
-    b"SQ",
-    b"SV",
-    b"UC",
-    b"UN",
-    b"UR",
-    b"UT",
-    b"UV",
-)  # VRs of 4 bytes' length
+LONG = frozenset(b"OB OD OF OL OV OW SQ SV UC UN UR UT UV".split())  # VRs whose length takes four bytes
+SHORT = frozenset(b"AE AS AT CS DA DS DT FD FL IS LO LT PN SH SL SS ST TM UI UL US".split())
 META = 0x0002  # the group that is always explicit
 TRANSFER_SYNTAX, IMPLICIT, BIG_ENDIAN = (META, 0x0010), b"1.2.840.10008.1.2", b"1.2.840.10008.1.2.2"
+DEFLATED = b"1.2.840.10008.1.2.1.99"
+PIXELS, ITEM, SEQUENCE_END = (0x7FE0, 0x0010), (0xFFFE, 0xE000), (0xFFFE, 0xE0DD)
 UNKNOWN = 0xFFFFFFFF
 UNEVEN = 0.02  # of the distance between slices, by which distances may differ; positions are rounded
+
+
+class _Element(NamedTuple):
+    """An element's head: its type, empty where none is told, where its value begins, and how many bytes it has."""
+
+    tag: tuple[int, int]
+    kind: bytes
+    at: int
+    length: int
 
 
 class _Slice(NamedTuple):
@@ -70,20 +71,31 @@ def read_dicom(folder: Path) -> Volume:
     slices = sorted(file for file in folder.iterdir() if _looks_like_slice(file))
     for file in slices:
         _require_whole(file)
-    series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
-    if len(series) != 1:
-        advice = "Put each series into a folder of its own" if series else "Name a folder of DICOM slices"
-        raise UnreadableFile(str(folder), f"holds {len(series)} DICOM series", advice)
-    files = [Path(name) for name in sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), series[0])]
+    files = _series(sitk, folder)
     _require_all(folder, slices, files)
-    _require_even(folder, [_looked_at(sitk, file) for file in files])
+    looked_at = [_looked_at(sitk, file) for file in files]
+    _require_even(folder, looked_at)
     try:
         image = sitk.ReadImage([str(file) for file in files])
     except RuntimeError as problem:
         raise UnreadableFile(str(folder), "its DICOM slices make no volume") from problem
+    if looked_at[0].size[1] == 1:
+        raise UnreadableFile(str(folder), "its slices have one row", "Export the volume in another format")
     direction = np.array(image.GetDirection()).reshape(3, 3)
     values = sitk.GetArrayFromImage(image).transpose(2, 1, 0)
     return Volume(np.array(image.GetSpacing()), np.array(image.GetOrigin()), direction, folder.name, values)
+
+
+def _series(sitk: Any, folder: Path) -> list[Path]:
+    """The files of the one series of a folder, in the order of their places."""
+    try:
+        series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
+        if len(series) == 1:
+            return [Path(name) for name in sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), series[0])]
+    except RuntimeError as problem:
+        raise UnreadableFile(str(folder), "holds damaged DICOM slices", "Copy the series again") from problem
+    advice = "Put each series into a folder of its own" if series else "Name a folder of DICOM slices"
+    raise UnreadableFile(str(folder), f"holds {len(series)} DICOM series", advice)
 
 
 def _require_all(folder: Path, slices: list[Path], files: list[Path]) -> None:
@@ -97,32 +109,47 @@ def _require_all(folder: Path, slices: list[Path], files: list[Path]) -> None:
 
 
 def _require_whole(file: Path) -> None:
-    """Refuse a slice with an element that is longer than what is left of the file.
+    """Refuse a slice that does not begin with elements of the group META, or has an element that is longer than what is
+    left of the file, or of a type that there is not.
 
-    Elements within sequences are not looked at, nor what follows the first of unknown length.
+    Not looked at are slices packed as a whole, and, where types are not told, sequences that tell their length.
     """
-    size, implicit = file.stat().st_size, False
+    size, at, syntax, is_packed = file.stat().st_size, FIRST, b"", False
     with file.open("rb") as content:
-        at = MAGIC_AT + len(MAGIC)
         while at + 8 <= size:
-            content.seek(at)
-            head = content.read(12).ljust(12, b"\0")
-            group, element, kind, short, long = struct.unpack("<HH2sHI", head)
-            bare = implicit and group != META
-            at += 12 if not bare and kind in LONG else 8
-            length = struct.unpack("<I", head[4:8])[0] if bare else long if kind in LONG else short
-            if length == UNKNOWN:
+            part = _element(content, at, syntax)
+            if at == FIRST and part.tag[0] != META:
+                raise UnreadableFile(str(file), "does not begin as DICOM files do", "Copy the series again")
+            what, at = "its element ({:04x},{:04x})".format(*part.tag), part.at
+            if syntax == DEFLATED and part.tag[0] != META:
                 return
-            if at + length > size:
-                what = f"its element ({group:04x},{element:04x}) is longer than the file"
-                raise UnreadableFile(str(file), what, "Copy the series again")
-            if (group, element) == TRANSFER_SYNTAX:
+            if part.kind and part.kind not in LONG | SHORT:
+                raise UnreadableFile(str(file), f"{what} is of no type that DICOM has", "Copy the series again")
+            if part.kind == b"UN" and part.length == UNKNOWN:
+                return  # a sequence whose elements tell no types, whatever those of the file do
+            is_packed = (is_packed or (part.tag == PIXELS and part.length == UNKNOWN)) and part.tag != SEQUENCE_END
+            if part.length == UNKNOWN or part.kind == b"SQ" or (part.tag == ITEM and not is_packed):
+                continue
+            if at + part.length > size:
+                raise UnreadableFile(str(file), f"{what} is longer than the file", "Copy the series again")
+            if part.tag == TRANSFER_SYNTAX:
                 content.seek(at)
-                syntax = content.read(length).rstrip(b"\0 ")
-                implicit = syntax == IMPLICIT
-                if syntax == BIG_ENDIAN:
-                    return
-            at += length
+                syntax = content.read(part.length).rstrip(b"\0 ")
+            at += part.length
+
+
+def _element(content: BinaryIO, at: int, syntax: bytes) -> _Element:
+    content.seek(at)
+    head = content.read(12).ljust(12, b"\0")
+    is_meta = head[:2] == struct.pack("<H", META)
+    order = ">" if syntax == BIG_ENDIAN and not is_meta else "<"
+    group, element = struct.unpack(order + "HH", head[:4])
+    kind = head[4:6]
+    if group == ITEM[0] or (syntax == IMPLICIT and not is_meta):
+        return _Element((group, element), b"", at + 8, *struct.unpack(order + "I", head[4:8]))
+    if kind in LONG:
+        return _Element((group, element), kind, at + 12, *struct.unpack(order + "I", head[8:]))
+    return _Element((group, element), kind, at + 8, *struct.unpack(order + "H", head[6:8]))
 
 
 def _looks_like_slice(file: Path) -> bool:
@@ -149,18 +176,25 @@ def _looked_at(sitk: Any, file: Path) -> _Slice:
 
 
 def _require_even(folder: Path, slices: list[_Slice]) -> None:
-    """Refuse slices that are unlike the first, or leave gaps between them."""
+    """Refuse slices that are unlike the first, leave gaps between them, or are shifted sideways, as by a tilted gantry:
+    the library would put them straight above each other.
+    """
     first = slices[0]
     for slice_ in slices:
         alike = slice_.size == first.size and np.allclose(slice_.spacing[:2], first.spacing[:2], rtol=1e-3)
         if not alike or not np.allclose(slice_.direction, first.direction, atol=1e-3):
             what = f"its slices {first.name} and {slice_.name} differ in size, spacing or direction"
             raise UnreadableFile(str(folder), what, "Put each series into a folder of its own")
-    steps = np.linalg.norm(np.diff([slice_.position for slice_ in slices], axis=0), axis=1)
+    ways = np.diff([slice_.position for slice_ in slices], axis=0).reshape(-1, 3)
+    steps = np.linalg.norm(ways, axis=1)
     usual = np.median(steps) if len(steps) else 0.0
-    uneven = np.flatnonzero(np.abs(steps - usual) > UNEVEN * usual)
-    if len(uneven):
-        k = int(uneven[0])
-        names = f"{slices[k].name} and {slices[k + 1].name}"
-        what = f"its slices {names} are {steps[k]:.4g} mm apart, others {usual:.4g}"
-        raise UnreadableFile(str(folder), what, "Add the missing slices, or resample the series to even distances")
+    normal = first.direction.reshape(3, 3)[:, 2]
+    sideways = np.linalg.norm(ways - np.outer(ways @ normal, normal), axis=1)
+    for k in range(len(steps)):
+        names = f"its slices {slices[k].name} and {slices[k + 1].name}"
+        if abs(steps[k] - usual) > UNEVEN * usual:
+            what = f"{names} are {steps[k]:.4g} mm apart, others {usual:.4g}"
+            raise UnreadableFile(str(folder), what, "Add the missing slices, or resample the series to even distances")
+        if sideways[k] > UNEVEN * usual:
+            what = f"{names} are shifted sideways by {sideways[k]:.3g} mm"
+            raise UnreadableFile(str(folder), what, "Resample the series to slices straight above each other")

@@ -18,7 +18,7 @@ from recon.geometry.contour_map import HeightGrid
 from recon.geometry.height_source import HeightSource
 from recon.readers.ascii_rows import AsciiRows
 from recon.readers.content import file_bytes, file_text, require_plain_file
-from recon.readers.projection import IN_DEGREES, in_utm_grid, require_rasterio
+from recon.readers.projection import IN_DEGREES, in_utm_grid, metres_of, require_rasterio
 
 __all__ = ["GRID_ENDINGS", "open_height_grid", "read_height_grid"]
 
@@ -59,6 +59,7 @@ def open_height_grid(path: str | Path, *, project: bool = False) -> HeightSource
     rasterio = require_rasterio(str(path))
     with _told_of(file), rasterio.open(file) as source:
         if source.crs is None or not source.crs.is_geographic:
+            _require_metres(file, source.crs)
             x, y = _axes(file, source.transform, source.shape)
             return HeightSource(x, y, "" if source.crs is None else source.crs.to_string(), _Windows(file, len(y)))
     return HeightSource.of(read_height_grid(file, project=project))
@@ -92,8 +93,7 @@ class _Windows:
         with _told_of(self.path), rasterio.open(self.path) as source:
             left, right, _ = columns.indices(source.width)
             window = rasterio.windows.Window(left, self.n_rows - stop, right - left, stop - first)
-            band = source.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
-        return np.asarray(band[::-1])
+            return _band(source, window)[::-1]
 
 
 @contextmanager
@@ -145,17 +145,29 @@ def _raster(path: Path, *, project: bool) -> HeightGrid:
     rasterio = require_rasterio(str(path))
     try:
         with rasterio.open(path) as source:
-            band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
-            way, crs = source.transform, source.crs
+            band, way, crs = _band(source), source.transform, source.crs
     except rasterio.errors.RasterioError as problem:
         raise UnreadableFile(str(path), f"is no grid that rasterio reads ({problem})") from problem
     _axes(path, way, band.shape)
+    _require_metres(path, crs)
     label = "" if crs is None else crs.to_string()
     if crs is not None and crs.is_geographic:
         if not project:
             raise UnreadableFile(str(path), "has coordinates in degrees", IN_DEGREES)
         band, way, label = in_utm_grid(band, way, crs, str(path))
     return HeightGrid(*_axes(path, way, band.shape), band[::-1], label)
+
+
+def _require_metres(path: Path, crs: Any) -> None:
+    if crs is not None and abs(metres_of(crs) - 1.0) > 1e-9:
+        unit = f"has coordinates in units of {metres_of(crs):.6g} m"
+        raise UnreadableFile(str(path), unit, "Project it to metres first, its heights too")
+
+
+def _band(source: Any, window: Any = None) -> Floats:
+    """Heights of the first band: its numbers times its scale and more by its offset, which the library leaves alone."""
+    numbers = source.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
+    return np.asarray(numbers * source.scales[0] + source.offsets[0])
 
 
 def _axes(path: Path, way: Any, shape: tuple[int, int]) -> tuple[Floats, Floats]:

@@ -84,8 +84,9 @@ def _soup(data: bytes, file: Path) -> PolygonSoup:
     from recon.readers.obj import read_obj
     from recon.readers.off import read_off
     from recon.readers.ply import read_ply
-    from recon.readers.scenes import read_3mf, read_gltf
+    from recon.readers.scenes import read_gltf
     from recon.readers.stl import read_stl
+    from recon.readers.threemf import read_3mf
 
     text_readers: dict[str, Callable[[bytes, str], PolygonSoup]] = {
         ".ply": read_ply,

@@ -9,6 +9,7 @@ Polygons become triangles here. A fan would leave a polygon that is not convex, 
     4-------0              4---0
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from recon.errors import BadGeometry
 
-__all__ = ["PolygonSoup", "triangulated", "strip_triangles"]
+__all__ = ["PolygonSoup", "together", "triangulated", "strip_triangles"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -41,6 +42,25 @@ class PolygonSoup:
     sizes: Ints
     notes: tuple[str, ...] = ()
     millimetres: float | None = None
+
+
+def together(
+    bodies: Sequence[tuple[Floats, Ints]], name: str, *, millimetres: float, notes: tuple[str, ...] = ()
+) -> PolygonSoup:
+    """One soup of bodies of triangles, points (n, 3) and faces (m, 3) each.
+
+    Raises  BadGeometry for a corner that names no point of its own body: it would name one of another.
+    """
+    points, corners, first = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
+    for number, (own, faces) in enumerate(bodies):
+        if len(faces) and not (faces.min() >= 0 and faces.max() < len(own)):
+            odd = faces[(faces < 0) | (faces >= len(own))][0]
+            raise BadGeometry(name, f"a face of body {number} names point {odd}, but the body has {len(own)}")
+        points.append(own)
+        corners.append(faces + first)
+        first += len(own)
+    rows = np.concatenate(corners)
+    return PolygonSoup(np.concatenate(points), rows.ravel(), np.full(len(rows), 3), notes, millimetres)
 
 
 def triangulated(soup: PolygonSoup, name: str) -> Ints:

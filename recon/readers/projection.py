@@ -1,5 +1,6 @@
-"""From degrees to metres: the UTM zone of a map's middle, by rasterio."""
+"""From degrees to metres: the UTM zone of a map's middle, by rasterio; and which of the two a coordinate system has."""
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,12 +11,16 @@ from recon.errors import UnreadableFile
 if TYPE_CHECKING:
     from rasterio.crs import CRS
 
-__all__ = ["IN_DEGREES", "in_utm", "in_utm_grid", "require_rasterio"]
+__all__ = ["IN_DEGREES", "in_utm", "in_utm_grid", "is_in_degrees", "metres_of", "require_rasterio"]
 
 Floats = NDArray[np.float64]
 
 IN_DEGREES = "Let --project bring it to the metres of its UTM zone, or project it first"
 WGS84 = "EPSG:4326"
+DEGREES = re.compile(r"CRS84|EPSG:+4326$|^\s*GEOG(CS|CRS)\[")  # what is known without rasterio
+SYSTEM = re.compile(
+    r"(EPSG|ESRI|OGC|urn:ogc:def:crs):|\s*[A-Z_]+\["
+)  # anything else may be a file or an address to GDAL
 NORTHERN, SOUTHERN, ZONE = 32600, 32700, 6.0  # EPSG numbers before the first zone, and degrees of a zone
 MOST_DEGREES = 8.0  # of longitude: beyond, one zone bends lengths by more than a thousandth
 
@@ -29,8 +34,33 @@ def require_rasterio(name: str) -> Any:
     return rasterio
 
 
-def in_utm(points: Floats, name: str) -> tuple[Floats, str]:
-    """(n, 2) longitudes and latitudes in metres, and the name of their system.
+def is_in_degrees(crs: str) -> bool:
+    """Whether a coordinate system, by its name or as text, is one of longitudes and latitudes."""
+    known = _known(crs)
+    return bool(DEGREES.search(crs)) if known is None else bool(known.is_geographic)
+
+
+def metres_of(crs: "str | CRS") -> float:
+    """Metres of one unit of a coordinate system; 1 where it has no such unit, or nothing is known of it."""
+    known = _known(crs) if isinstance(crs, str) else crs
+    return float(known.linear_units_factor[1]) if known is not None and known.is_projected else 1.0
+
+
+def _known(crs: str) -> "CRS | None":
+    """What rasterio knows of a coordinate system, if it is there."""
+    try:
+        from rasterio.crs import CRS
+        from rasterio.errors import CRSError
+    except ImportError:
+        return None
+    try:
+        return CRS.from_user_input(crs) if SYSTEM.match(crs) else None
+    except (CRSError, ValueError):
+        return None
+
+
+def in_utm(points: Floats, name: str, crs: str = "") -> tuple[Floats, str]:
+    """(n, 2) longitudes and latitudes, of WGS 84 where no system is named, in metres, and the name of their system.
 
     Raises  UnreadableFile when they span more than a zone can hold, or are none.
     """
@@ -38,7 +68,7 @@ def in_utm(points: Floats, name: str) -> tuple[Floats, str]:
     from rasterio.warp import transform
 
     zone = _zone(points.min(axis=0), points.max(axis=0), name)
-    x, y = transform(WGS84, zone, points[:, 0], points[:, 1])
+    x, y = transform(crs or WGS84, zone, points[:, 0], points[:, 1])
     return np.column_stack([x, y]), zone
 
 

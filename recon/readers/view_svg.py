@@ -28,6 +28,7 @@ __all__ = ["read_svg_views"]
 Floats = NDArray[np.float64]
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+ARC = re.compile(r"[\s,]*".join(f"({part})" for part in [*[NUMBER.pattern] * 3, "[01]", "[01]", *[NUMBER.pattern] * 2]))
 COMMAND = re.compile(r"([MmLlHhVvZzCcSsQqTtAa])([^MmLlHhVvZzCcSsQqTtAa]*)")
 RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 REMARK = re.compile(r"/\*.*?\*/", re.DOTALL)
@@ -261,7 +262,7 @@ def _path(text: str) -> tuple[Lines, Curves]:
     lines, curves = Lines(), Curves()
     start = at = (0.0, 0.0)
     for command, arguments in COMMAND.findall(text):
-        for form, v in _steps(command, _numbers(arguments)):
+        for form, v in _steps(command, arguments):
             relative = command.islower()
             base = at if relative else (0.0, 0.0)
             to = _target(form, v, at, base, start)
@@ -275,19 +276,27 @@ def _path(text: str) -> tuple[Lines, Curves]:
     return lines, curves
 
 
-def _steps(command: str, values: list[float]) -> Iterator[tuple[str, list[float]]]:
-    """A command once for every set of its arguments; further ones of a move are lines."""
+def _steps(command: str, text: str) -> Iterator[tuple[str, list[float]]]:
+    """A command once for every set of its arguments; further ones of a move are lines.
+
+    A curve that breaks off has none; the two flags of an arc may stand before the next number without a space.
+    """
     form = command.upper()
     size = ARGUMENTS[form]
+    values = [float(x) for found in ARC.findall(text) for x in found] if form == "A" else _numbers(text)
     if not size:
         yield form, []
     for k in range(0, len(values) - size + 1 if size else 0, size or 1):
         yield ("L" if form == "M" and k else form), values[k : k + size]
+    if form in "CSQTA" and (not values or len(values) % size):
+        yield form, []
 
 
 def _target(form: str, v: list[float], at: Point, base: Point, start: Point) -> Point:
     if form == "Z":
         return start
+    if not v:
+        return at
     if form == "H":
         return base[0] + v[0], at[1]
     if form == "V":

@@ -21,6 +21,7 @@ from recon.readers.content import mapped_bytes, require_plain_file
 from recon.readers.volume_headers import read_metaimage, read_nifti, read_nrrd
 from recon.readers.volumes import (
     Floats,
+    page_numbers,
     read_volume,
     require_pages,
     told_of,
@@ -121,7 +122,7 @@ def _page_window(file: Path, window: Window) -> NDArray[Any]:
     with Image.open(file) as image:
         for number in range(window[2].start, window[2].stop):
             image.seek(number)
-            page = np.array(image)
+            page = page_numbers(image)
             require_pages([page], file)
             pages.append(page.T[window[0], window[1]].copy())
     return np.stack(pages, axis=2)

@@ -22,9 +22,10 @@ from recon.readers.image_data import read_vti
 from recon.readers.unpacking import require_plausible_size
 from recon.readers.volume_headers import read_metaimage, read_nifti, read_nrrd
 
-__all__ = ["VOLUME_ENDINGS", "read_volume", "require_pages", "told_of", "volume_ending", "with_spacing"]
+__all__ = ["VOLUME_ENDINGS", "page_numbers", "read_volume", "require_pages", "told_of", "volume_ending", "with_spacing"]
 
 Floats = NDArray[np.float64]
+BITS, SAMPLE_FORMAT = 258, 339  # tags of a TIFF file
 Read = TypeVar("Read")
 Placed = TypeVar("Placed", bound=PlacedGrid)
 
@@ -111,9 +112,17 @@ def _tiff(file: Path) -> Volume:
         numbers = sum(math.prod(page.size) for page in ImageSequence.Iterator(image))
         require_plausible_size(str(file), file.stat().st_size, numbers)
         image.seek(0)
-        pages = [np.array(page) for page in ImageSequence.Iterator(image)]
+        pages = [page_numbers(page) for page in ImageSequence.Iterator(image)]
     require_pages(pages, file)
     return Volume(name=file.name, values=np.stack(pages, axis=2).transpose(1, 0, 2))
+
+
+def page_numbers(page: Any) -> NDArray[Any]:
+    """The numbers of a page of a TIFF file, whole ones with the sign that it says: the library knows one a length."""
+    values = np.array(page)
+    kind = {1: "u", 2: "i"}.get(page.tag_v2.get(SAMPLE_FORMAT, (1,))[0], "")
+    is_whole = values.dtype.kind in "ui" and page.tag_v2.get(BITS, (1,))[0] == 8 * values.itemsize
+    return values.view(values.dtype.str[0] + kind + values.dtype.str[2:]) if kind and is_whole else values
 
 
 def require_pages(pages: Sequence[NDArray[Any]], file: Path) -> None:

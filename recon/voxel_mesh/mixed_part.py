@@ -33,6 +33,8 @@ __all__ = ["MixedPart", "mixed_boundary"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Side = tuple[int, int]  # from a vertex to a vertex
+Use = tuple[int, bool]  # number of an edge, and whether it runs as it is used
 
 TRIES = 8
 CHORD = 0.01  # voxels that the middle of a straight edge may lie off its sheet
@@ -82,7 +84,7 @@ def mixed_boundary(
     slid = np.where(is_free[:, None], placed.place, part.smooth)
     slid, *triangles = collapsed_between(part.surface, slid, part.grid.proportions, free=free, tolerance=tolerance)
     place = np.where(is_free[:, None], slid, placed.place)
-    return _Assembly(part, faces, twin, patches, placed.chains, curves, place, *triangles).boundary()
+    return _joined(_Pieces(part, faces, twin, patches, placed.chains, curves, place, *triangles))
 
 
 def _settled(part: MixedPart, faces: Ints, twin: Ints) -> tuple[Patches, Placed, dict[int, Floats]]:
@@ -128,9 +130,15 @@ def _curves(part: MixedPart, patches: Patches, placed: Placed) -> tuple[dict[int
     return curves, lost
 
 
-@dataclass(eq=False)
-class _Assembly:
-    """Edges and faces, collected: chains between sheets are one edge, all other sides of triangles one each."""
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """What edges and faces are made of: chains between sheets are one edge, all other sides of triangles one each.
+
+    faces, twin  the grid's triangles and their opposite half-edges
+    curves       of the chains between two sheets, by number of the chain
+    place        (V, 3) where the vertices have settled
+    rows, left   the free triangles that are left, as vertices and as numbers among `faces`
+    """
 
     part: MixedPart
     faces: Ints
@@ -142,134 +150,156 @@ class _Assembly:
     rows: Ints
     left: Ints
 
-    def boundary(self) -> MixedBoundary:
-        self._edges: list[MixedEdge] = []
-        self._numbers: dict[tuple[int, int], int] = {}
-        self._places: list[Floats] = list(self.place)
-        self._split: dict[tuple[int, int], list[int]] = {}
-        self._mark_chains()
-        self._split_chords()
-        faces = [*self._true_faces(), *self._triangles()]
-        return self._placed(faces)
 
-    def _mark_chains(self) -> None:
-        """Sides of the triangles that lie on a chain with a curve."""
-        self._on_chain: dict[tuple[int, int], tuple[int, bool]] = {}
-        for number, points in self.curves.items():
-            v = self.chains[number].vertices
-            edge = len(self._edges)
-            self._edges.append(MixedEdge(int(v[0]), int(v[-1]), points if len(points) > 2 else None))
-            for a, b in zip(v[:-1].tolist(), v[1:].tolist()):
-                self._on_chain[a, b] = edge, True
-                self._on_chain[b, a] = edge, False
+def _joined(pieces: _Pieces) -> MixedBoundary:
+    """All edges, numbered as the loops first use them, and all faces."""
+    curved, on_chain = _chain_edges(pieces)
+    split, places = _split_chords(pieces)
+    loops = _sheet_loops(pieces, split, on_chain)
+    triangles = _small_triangles(pieces, split)
+    straight = [side for _, loop in loops for side in loop if side not in on_chain]
+    straight += [side for trio, _ in triangles for side in _around(trio)]
+    number = {ends: len(curved) + k for k, ends in enumerate(dict.fromkeys((min(s), max(s)) for s in straight))}
+    uses = [(patch, _merged([on_chain.get(side) or _use(side, number) for side in loop])) for patch, loop in loops]
+    faces = _sheet_faces(pieces, uses)
+    for trio, patch in triangles:
+        p, q, r = places[list(trio)]
+        area = 0.5 * float(np.linalg.norm(np.cross(q - p, r - p))) * pieces.part.grid.voxel**2
+        faces.append(MixedFace(None, 1.0, (tuple(_use(side, number) for side in _around(trio)),), area, patch))
+    return _in_model_units(pieces, places, [*curved, *(MixedEdge(*ends) for ends in number)], faces)
 
-    def _split_chords(self) -> None:
-        """More vertices on the straight edges of curved sheets, until all are near enough to them."""
-        owner = self.patches.owner
-        for number, chain in enumerate(self.chains):
-            own = [k for k in owner[[chain.left, chain.right]].tolist() if k != FREE]
-            if number in self.curves or not own or isinstance(self.part.sheets[own[0]].surface, Plane):
-                continue
-            for a, b in zip(chain.vertices[:-1].tolist(), chain.vertices[1:].tolist()):
-                self._split[min(a, b), max(a, b)] = self._halved(min(a, b), max(a, b), self.part.sheets[own[0]])
 
-    def _halved(self, a: int, b: int, sheet: Sheet) -> list[int]:
-        """Vertices between two on a sheet, as far off it as these on average."""
-        ends = np.array([self._places[a], self._places[b]])
-        middle = ends.mean(axis=0)
-        off = float(sheet.surface.distance(middle[None])[0] - sheet.surface.distance(ends).mean())
-        if abs(off) <= CHORD:
-            return []
-        self._places.append(middle - off * sheet.surface.normal(middle[None])[0])
-        m = len(self._places) - 1
-        return [*self._halved(a, m, sheet), m, *self._halved(m, b, sheet)]
+def _chain_edges(pieces: _Pieces) -> tuple[list[MixedEdge], dict[Side, Use]]:
+    """An edge for each chain with a curve, and of the sides of triangles on it the use."""
+    edges: list[MixedEdge] = []
+    on_chain: dict[Side, Use] = {}
+    for edge, (number, points) in enumerate(pieces.curves.items()):
+        v = pieces.chains[number].vertices.tolist()
+        edges.append(MixedEdge(v[0], v[-1], points if len(points) > 2 else None))
+        for a, b in pairwise(v):
+            on_chain[a, b] = edge, True
+            on_chain[b, a] = edge, False
+    return edges, on_chain
 
-    def _side(self, a: int, b: int) -> list[int]:
-        """Vertices of a side from a up to, and without, b."""
-        between = self._split.get((min(a, b), max(a, b)), [])
-        return [a, *(between if a < b else between[::-1])]
 
-    def _use(self, a: int, b: int) -> tuple[int, bool]:
-        key = min(a, b), max(a, b)
-        if key not in self._numbers:
-            self._numbers[key] = len(self._edges)
-            self._edges.append(MixedEdge(*key))
-        return self._numbers[key], a < b
+def _split_chords(pieces: _Pieces) -> tuple[dict[Side, list[int]], Floats]:
+    """Vertices between the ends of straight edges of curved sheets, from the lower to the higher number, so many that
+    all are near enough to the sheets; and all places with those of the new ones.
+    """
+    sheets, owner = pieces.part.sheets, pieces.patches.owner
+    split: dict[Side, list[int]] = {}
+    places: list[Floats] = list(pieces.place)
+    for number, chain in enumerate(pieces.chains):
+        own = [k for k in owner[[chain.left, chain.right]].tolist() if k != FREE]
+        if number in pieces.curves or not own or isinstance(sheets[own[0]].surface, Plane):
+            continue
+        for ends in pairwise(chain.vertices.tolist()):
+            a, b = min(ends), max(ends)
+            made, order = _halved(pieces.place[a], pieces.place[b], sheets[own[0]])
+            split[a, b] = [len(places) + k for k in order]
+            places += made
+    return split, np.array(places)
 
-    def _true_faces(self) -> list[MixedFace]:
-        """One face a patch on a sheet."""
-        start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
-        loops: dict[int, list[tuple[tuple[int, bool], ...]]] = {}
-        for cycle in region_loops(self.twin, self.patches.patch):
-            patch = int(self.patches.patch[cycle[0] // 3])
-            if self.patches.owner[patch] != FREE:
-                loops.setdefault(patch, []).append(self._loop(start[cycle].tolist(), end[cycle].tolist()))
-        for patch in np.flatnonzero(self.patches.owner != FREE).tolist():
-            loops.setdefault(patch, [])  # a whole sphere has no border
-        corners = self.place[self.faces]
-        area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        areas = np.bincount(self.patches.patch, area) * self.part.grid.voxel**2
-        return [
-            MixedFace(int(k), self.part.sheets[k].outside, tuple(loops[patch]), float(areas[patch]), patch)
-            for patch, k in zip(loops, self.patches.owner[list(loops)])
-        ]
 
-    def _loop(self, start: list[int], end: list[int]) -> tuple[tuple[int, bool], ...]:
-        uses: list[tuple[int, bool]] = []
-        for a, b in zip(start, end):
-            if (a, b) in self._on_chain:
-                use = self._on_chain[a, b]
-                if not uses or uses[-1] != use:
-                    uses.append(use)
-            else:
-                row = [*self._side(a, b), b]
-                uses += [self._use(p, q) for p, q in pairwise(row)]
-        if len(uses) > 1 and uses[0] == uses[-1]:
-            uses.pop()
-        return tuple(uses)
+def _halved(a: Floats, b: Floats, sheet: Sheet) -> tuple[list[Floats], list[int]]:
+    """Places between two on a sheet, as far off it as these on average, and their numbers in the order from a to b."""
+    ends = np.array([a, b])
+    middle = ends.mean(axis=0)
+    off = float(sheet.surface.distance(middle[None])[0] - sheet.surface.distance(ends).mean())
+    if abs(off) <= CHORD:
+        return [], []
+    middle = middle - off * sheet.surface.normal(middle[None])[0]
+    (before, first), (after, second) = _halved(a, middle, sheet), _halved(middle, b, sheet)
+    order = [*(1 + k for k in first), 0, *(1 + len(before) + k for k in second)]
+    return [middle, *before, *after], order
 
-    def _triangles(self) -> list[MixedFace]:
-        found = []
-        for (a, b, c), patch in zip(self.rows.tolist(), self.patches.patch[self.left].tolist()):
-            for trio in _fan(a, b, c, (self._side(a, b)[1:], self._side(b, c)[1:], self._side(c, a)[1:])):
-                p, q, r = (self._places[v] for v in trio)
-                area = 0.5 * float(np.linalg.norm(np.cross(q - p, r - p))) * self.part.grid.voxel**2
-                uses = tuple(self._use(x, y) for x, y in zip(trio, (*trio[1:], trio[0])))
-                found.append(MixedFace(None, 1.0, (uses,), area, patch))
-        return found
 
-    def _placed(self, faces: list[MixedFace]) -> MixedBoundary:
-        """In model units, with the vertices that are used, the bodies and their voids."""
-        grid = self.part.grid
-        used = np.unique([v for edge in self._edges for v in (edge.start, edge.end)])
-        number = np.full(len(self._places), -1)
-        number[used] = np.arange(len(used))
-        edges = tuple(
-            MixedEdge(
-                int(number[e.start]),
-                int(number[e.end]),
-                None if e.points is None else grid.place(e.points),
-            )
-            for e in self._edges
-        )
-        surfaces = tuple(s.surface.placed(grid.direction, grid.voxel, grid.origin) for s in self.part.sheets)
-        return MixedBoundary(
-            grid.place(np.array(self._places)[used]),
-            surfaces,
-            edges,
-            tuple(faces),
-            self._bodies(faces),
-            (CHORD + DEEP) * grid.voxel,
-        )
+def _between(a: int, b: int, split: dict[Side, list[int]]) -> list[int]:
+    """Vertices that split a side, from a to b."""
+    found = split.get((min(a, b), max(a, b)), [])
+    return found if a < b else found[::-1]
 
-    def _bodies(self, faces: list[MixedFace]) -> tuple[tuple[tuple[int, ...], ...], ...]:
-        """Numbers of the faces by body and shell."""
-        shell = connected_components(self.faces)
-        patch_shell = np.zeros(len(self.patches.owner), dtype=np.int64)
-        patch_shell[self.patches.patch] = shell
-        of_face = patch_shell[[face.patch for face in faces]]
-        shells = nested_shells(self.part.surface.vertices[self.faces], shell)
-        return tuple(tuple(tuple(np.flatnonzero(of_face == s).tolist()) for s in body) for body in shells)
+
+def _around(trio: tuple[int, int, int]) -> tuple[Side, Side, Side]:
+    a, b, c = trio
+    return (a, b), (b, c), (c, a)
+
+
+def _use(side: Side, number: dict[Side, int]) -> Use:
+    return number[min(side), max(side)], side[0] < side[1]
+
+
+def _merged(uses: list[Use]) -> tuple[Use, ...]:
+    """A loop with a row of uses of one edge as a single one."""
+    kept = [use for k, use in enumerate(uses) if k == 0 or uses[k - 1] != use]
+    return tuple(kept[:-1] if len(kept) > 1 and kept[0] == kept[-1] else kept)
+
+
+def _sheet_loops(
+    pieces: _Pieces, split: dict[Side, list[int]], on_chain: dict[Side, Use]
+) -> list[tuple[int, list[Side]]]:
+    """Borders of the patches on sheets, each with its patch, as sides that are split where they lie on no chain."""
+    start, end = pieces.faces.ravel(), np.roll(pieces.faces, -1, axis=1).ravel()
+    found = []
+    for cycle in region_loops(pieces.twin, pieces.patches.patch):
+        patch = int(pieces.patches.patch[cycle[0] // 3])
+        if pieces.patches.owner[patch] != FREE:
+            sides = zip(start[cycle].tolist(), end[cycle].tolist())
+            rows = [[a, b] if (a, b) in on_chain else [a, *_between(a, b, split), b] for a, b in sides]
+            found.append((patch, [side for row in rows for side in pairwise(row)]))
+    return found
+
+
+def _small_triangles(pieces: _Pieces, split: dict[Side, list[int]]) -> list[tuple[tuple[int, int, int], int]]:
+    """The free triangles, each as those that the vertices on its sides part it into, with their patch."""
+    found = []
+    for (a, b, c), patch in zip(pieces.rows.tolist(), pieces.patches.patch[pieces.left].tolist()):
+        sides = _between(a, b, split), _between(b, c, split), _between(c, a, split)
+        found += [(trio, patch) for trio in _fan(a, b, c, sides)]
+    return found
+
+
+def _sheet_faces(pieces: _Pieces, uses: list[tuple[int, tuple[Use, ...]]]) -> list[MixedFace]:
+    """One face a patch on a sheet, with its loops."""
+    owner, corners = pieces.patches.owner, pieces.place[pieces.faces]
+    loops: dict[int, list[tuple[Use, ...]]] = {}
+    for patch, loop in uses:
+        loops.setdefault(patch, []).append(loop)
+    for patch in np.flatnonzero(owner != FREE).tolist():
+        loops.setdefault(patch, [])  # a whole sphere has no border
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = np.bincount(pieces.patches.patch, area) * pieces.part.grid.voxel**2
+    return [
+        MixedFace(int(k), pieces.part.sheets[k].outside, tuple(loops[patch]), float(areas[patch]), patch)
+        for patch, k in zip(loops, owner[list(loops)])
+    ]
+
+
+def _in_model_units(
+    pieces: _Pieces, places: Floats, edges: Sequence[MixedEdge], faces: Sequence[MixedFace]
+) -> MixedBoundary:
+    """With the vertices that are used, the bodies and their voids."""
+    grid = pieces.part.grid
+    used = np.unique(np.array([v for edge in edges for v in (edge.start, edge.end)], dtype=np.int64))
+    number = np.full(len(places), -1)
+    number[used] = np.arange(len(used))
+    placed = (
+        MixedEdge(int(number[e.start]), int(number[e.end]), None if e.points is None else grid.place(e.points))
+        for e in edges
+    )
+    surfaces = tuple(s.surface.placed(grid.direction, grid.voxel, grid.origin) for s in pieces.part.sheets)
+    slack = (CHORD + DEEP) * grid.voxel
+    return MixedBoundary(grid.place(places[used]), surfaces, tuple(placed), tuple(faces), _bodies(pieces, faces), slack)
+
+
+def _bodies(pieces: _Pieces, faces: Sequence[MixedFace]) -> tuple[tuple[tuple[int, ...], ...], ...]:
+    """Numbers of the faces by body and shell."""
+    shell = connected_components(pieces.faces)
+    patch_shell = np.zeros(len(pieces.patches.owner), dtype=np.int64)
+    patch_shell[pieces.patches.patch] = shell
+    of_face = patch_shell[[face.patch for face in faces]]
+    shells = nested_shells(pieces.part.surface.vertices[pieces.faces], shell)
+    return tuple(tuple(tuple(np.flatnonzero(of_face == s).tolist()) for s in body) for body in shells)
 
 
 def _fan(a: int, b: int, c: int, sides: tuple[list[int], list[int], list[int]]) -> list[tuple[int, int, int]]:

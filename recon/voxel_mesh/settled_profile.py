@@ -39,7 +39,7 @@ MARGIN = 0.004  # voxels that a centre shall keep from the profile
 HELD = 30.0  # centres that a line across the axis counts as, to stay where it was
 STEADY = 1e-4  # of the strongest pull: what holds a number that no centre pulls
 STEPS = 8  # Newton's, at most, for one set of numbers
-WRONG, MANY = 0.02, 10  # a spline with so many centres deeper than that, in voxels, is refined
+WRONG, WRONG_CENTRES = 0.02, 10  # a spline with so many centres deeper than that, in voxels, is refined
 SHORT = 4.0  # voxels of a line that may be the end of an arc
 LEAST_SPAN = 4.0  # voxels of a spline's span
 REFINEMENTS = 4
@@ -184,7 +184,7 @@ class _Guess:
     def coarse(self) -> set[int]:
         """Pieces that are splines and want more spans."""
         deep = self.wrong.sample[np.abs(self.wrong.depth) > WRONG]
-        many = np.bincount(self.samples.piece[deep], minlength=len(self.net.rows)) > MANY
+        many = np.bincount(self.samples.piece[deep], minlength=len(self.net.rows)) > WRONG_CENTRES
         return {n for n in np.flatnonzero(many).tolist() if _may_be_finer(self.net.pieces[n])}
 
 

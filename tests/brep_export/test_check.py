@@ -39,7 +39,7 @@ SOUND = sound_shapes()
 def _kernel_looks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the kernel is shown of a shape at once must not matter to what the gate says."""
     if request.param == "face by face":
-        monkeypatch.setattr(check_geometry, "MANY", 1)
+        monkeypatch.setattr(check_geometry, "AT_ONCE", 1)
 
 
 def codes(shape: TopoDS_Shape, *, expect: ShapeKind = ShapeKind.SOLID) -> list[str]:

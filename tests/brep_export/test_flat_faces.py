@@ -49,7 +49,7 @@ def test_all_faces_of_a_polyhedron_are_flat_and_none_of_a_box_with_curves_on_its
 
 
 def test_volume_area_and_centre_are_those_of_the_kernel(block, monkeypatch):
-    monkeypatch.setattr(measures, "MANY", 1)
+    monkeypatch.setattr(measures, "SURVEYED_FROM", 1)
     of_volume, of_area = GProp_GProps(), GProp_GProps()
     BRepGProp.VolumeProperties_s(block[1], of_volume)
     BRepGProp.SurfaceProperties_s(block[1], of_area)
@@ -61,7 +61,7 @@ def test_volume_area_and_centre_are_those_of_the_kernel(block, monkeypatch):
 
 
 def test_triangles_around_polygons_close_and_enclose_the_volume(block, monkeypatch):
-    monkeypatch.setattr(triangulation, "MANY", 1)
+    monkeypatch.setattr(triangulation, "SOUGHT_FROM", 1)
     planes = survey(block[1]).planes
     assert 10 < len(planes.triangles()[0]) < len(planes.flat)
     made = triangulate(block[1], 0.01, planes=planes)
@@ -80,7 +80,7 @@ def _closes(mesh: TriangleMesh) -> bool:
 
 @pytest.mark.parametrize("many", [1, 10**6])
 def test_a_vertex_off_its_edges_is_a_gap_as_before(many, monkeypatch):
-    monkeypatch.setattr(triangulation, "MANY", many)
+    monkeypatch.setattr(triangulation, "SOUGHT_FROM", many)
     shape = polyhedron_solid(carved_block())
     vertex = TopoDS.Vertex_s(next(sub_shapes(shape, TopAbs_ShapeEnum.TopAbs_VERTEX)))
     moved = BRep_Tool.Pnt_s(vertex)

@@ -4,6 +4,7 @@ import bz2
 import gzip
 import io
 import json
+import re
 import resource
 import struct
 import zlib
@@ -267,6 +268,44 @@ def test_the_same_of_a_slice_with_types(tmp_path):
     (tmp_path / "0.dcm").write_bytes(bytes(128) + b"DICM" + syntax + pixels + bytes(60))
     with pytest.raises(UnreadableFile, match=r"\(7fe0,0010\) is longer than the file"):
         read_volume(tmp_path)
+
+
+def element(group, number, kind, value):
+    return struct.pack("<HH2sH", group, number, kind, len(value)) + value
+
+
+SYNTAX = element(2, 0x10, b"UI", b"1.2.840.10008.1.2.1\0")
+TYPED = struct.pack("<HH2sHI", 0x7FE0, 0x10, b"OW", 0, 0x7FFFFFF0)
+OPEN = 0xFFFFFFFF  # a length that is not told
+HEADS = {
+    "an element of an unknown type": (element(2, 0x13, b"kH", b"GDCM 3.2.5") + SYNTAX, r"\(0002,0013\) is of no type"),
+    "no meta information": (element(0x98, 0, b"UL", bytes(4)) + SYNTAX, "does not begin as"),
+    "more behind zeros": (SYNTAX + bytes(8) + b"\0\0\0\0\x07\x10\xff\xda" + bytes(80), r"\(0000,0000\) is of no type"),
+    "a sequence without end": (
+        SYNTAX + struct.pack("<HH2sHI", 8, 0x1140, b"SQ", 0, OPEN) + struct.pack("<HHI", 0xFFFE, 0xE000, OPEN) + TYPED,
+        r"\(7fe0,0010\) is longer",
+    ),
+    "an item that tells its length": (
+        SYNTAX + struct.pack("<HH2sHI", 8, 0x1140, b"SQ", 0, 28) + struct.pack("<HHI", 0xFFFE, 0xE000, 20) + TYPED,
+        r"\(7fe0,0010\) is longer",
+    ),
+    "packed pixels": (
+        SYNTAX + TYPED[:8] + struct.pack("<IHHI", OPEN, 0xFFFE, 0xE000, 0x7FFFFFF0),
+        r"\(fffe,e000\) is longer",
+    ),
+    "bytes the other way round": (
+        element(2, 0x10, b"UI", b"1.2.840.10008.1.2.2\0") + struct.pack(">HH2sHI", 0x7FE0, 0x10, b"OW", 0, 0x7FFFFFF0),
+        r"\(7fe0,0010\) is longer",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", HEADS)
+def test_a_slice_on_which_the_library_would_ask_for_much_memory_is_refused(what, series):
+    head, told = HEADS[what]
+    (series / "1.dcm").write_bytes(bytes(128) + b"DICM" + head + bytes(60))
+    megabytes, reason = memory_asked_for(read_volume, series)
+    assert megabytes < 200 and re.search(told, reason)
 
 
 def test_slices_of_different_size_are_no_volume(series):

@@ -276,12 +276,14 @@ def _geotiff(packed: bool) -> bytes:
 
 
 @cache
-def dicom_slices() -> tuple[bytes, ...]:
-    """The files of a DICOM series."""
+def dicom_slices(packed: bool = False) -> tuple[bytes, ...]:
+    """The files of a DICOM series; packed ones tell the types of their elements, plain ones do not."""
     import SimpleITK as sitk
 
     writer, made = sitk.ImageFileWriter(), []
     writer.KeepOriginalImageUIDOn()
+    writer.SetUseCompression(packed)
+    writer.SetCompressor("JPEG")
     with tempfile.TemporaryDirectory() as folder:
         for k in range(4):
             image = sitk.GetImageFromArray(np.pad(np.full((3, 4), 100, np.int16), 1))
@@ -295,10 +297,10 @@ def dicom_slices() -> tuple[bytes, ...]:
     return tuple(made)
 
 
-def _read_series(slice_: Path) -> object:
+def _read_series(slice_: Path, packed: bool = False) -> object:
     """The volume of a DICOM series of which one slice is given, the others being sound."""
     with tempfile.TemporaryDirectory() as folder:
-        for k, data in enumerate(dicom_slices()):
+        for k, data in enumerate(dicom_slices(packed)):
             (Path(folder) / f"{k}.dcm").write_bytes(slice_.read_bytes() if k == 1 else data)
         return read_volume(folder)
 
@@ -356,6 +358,7 @@ if find_spec("rasterio"):
     SPECIMENS["grid GeoTIFF deflate"] = (read_height_grid, ".tif", lambda: _geotiff(True))
 if find_spec("SimpleITK"):
     SPECIMENS["volume DICOM"] = (_read_series, ".dcm", lambda: dicom_slices()[1])
+    SPECIMENS["volume DICOM packed"] = (partial(_read_series, packed=True), ".dcm", lambda: dicom_slices(True)[1])
 
 WORDS = (b"nan", b"inf", b"-inf", b"1e400", b"-1", b"0", b"353535235358", b"9" * 400, b"x", b"", b"1e-320", b"-0")
 COUNTS = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 0, 0x10000000, 0x7F800000, 0x7FC00000)

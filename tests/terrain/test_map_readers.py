@@ -269,6 +269,66 @@ def test_maps_in_degrees_are_projected_on_request(tmp_path):
     assert (contours.spots[:, :2] > contours.extent[0]).all()
 
 
+def in_file(path, crs, ring):
+    """A Shapefile or GeoPackage of two contours around each other."""
+    pyogrio, shapely = pytest.importorskip("pyogrio"), pytest.importorskip("shapely")
+    lines = [np.array(ring), np.mean(ring[:-1], axis=0) + 0.5 * (np.array(ring) - np.mean(ring[:-1], axis=0))]
+    wkb = np.array([shapely.to_wkb(shapely.LineString(line)) for line in lines], dtype=object)
+    pyogrio.raw.write(path, wkb, [np.array([10.0, 20.0])], ["ELEV"], geometry_type="LineString", crs=crs, layer="map")
+    return path
+
+
+RING = [[-122.19, 46.20], [-122.18, 46.20], [-122.18, 46.21], [-122.19, 46.20]]
+
+
+@pytest.mark.parametrize(("crs", "moved"), [("EPSG:4269", 2.0), ("EPSG:4267", 100.0)])
+@pytest.mark.parametrize("ending", ["gpkg", "shp"])
+def test_degrees_of_other_systems_than_that_of_the_satellites_are_known(tmp_path, ending, crs, moved):
+    pytest.importorskip("rasterio")
+    path = in_file(tmp_path / f"map.{ending}", crs, RING)
+    with pytest.raises(UnreadableFile, match="degrees"):
+        read_contours(path)
+    found = read_contours(path, project=True)
+    satellite = read_contours(written(tmp_path, [feature(RING, 10.0)], crs=None), project=True)
+    apart = np.linalg.norm(found.lines[0][0] - satellite.lines[0][0])
+    assert found.crs == satellite.crs == "EPSG:32610"
+    assert 0.9 * moved <= apart <= 1.5 * moved if moved > 10 else apart <= moved
+
+
+@pytest.mark.parametrize(
+    "crs", ["http://localhost:1/crs", "map.prj", "EPSG:none", "urn:ogc:def:crs:OGC:1.3:CRS84", "PROJCS["]
+)
+def test_the_name_of_a_coordinate_system_is_neither_opened_nor_fetched(tmp_path, crs):
+    (tmp_path / "map.prj").write_text('GEOGCS["WGS 84"]')
+    path = written(tmp_path, [feature(RING, 10.0)], crs={"type": "name", "properties": {"name": crs}})
+    if crs.endswith("CRS84"):
+        with pytest.raises(UnreadableFile, match="degrees"):
+            read_contours(path)
+    else:
+        assert read_contours(path).crs == crs
+
+
+def test_a_coordinate_system_in_feet_is_asked_about(tmp_path):
+    pytest.importorskip("rasterio")
+    ring = [[990000, 190000], [991000, 190000], [991000, 191000], [990000, 190000]]
+    path = in_file(tmp_path / "map.gpkg", "EPSG:2263", ring)
+    with pytest.raises(UnreadableFile, match=r"units of 0.304801 m.*--unit"):
+        read_contours(path)
+    found = read_contours(path, unit="us-ft")
+    np.testing.assert_allclose(found.lines[0], np.array(ring) * 1200 / 3937)
+
+
+def test_a_grid_in_feet_is_refused(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    facts = {"width": 3, "height": 4, "count": 1, "dtype": "float32", "crs": "EPSG:2263"}
+    way = rasterio.Affine(10.0, 0.0, 990000.0, 0.0, -10.0, 190000.0)
+    with rasterio.open(tmp_path / "map.tif", "w", driver="GTiff", transform=way, **facts) as file:
+        file.write(np.ones((4, 3), np.float32), 1)
+    for read in (read_height_grid, open_height_grid):
+        with pytest.raises(UnreadableFile, match=r"units of 0.304801 m.*Project it"):
+            read(tmp_path / "map.tif")
+
+
 def test_an_srtm_tile_is_refused_in_degrees_and_read_in_metres_with_its_voids(tmp_path):
     pytest.importorskip("rasterio")
     n = 1201  # three seconds of arc

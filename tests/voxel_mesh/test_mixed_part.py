@@ -73,6 +73,11 @@ def test_loops_run_on_from_edge_to_edge(lumpy):
             assert all(ways[k - 1][1] == ways[k][0] for k in range(len(ways)))
 
 
+def test_a_whole_ball_is_one_sphere_without_edges():
+    boundary = mixed_boundary(analytic_part(ball(40, 15.0)).mixed, 0.1)
+    assert (len(boundary.faces), len(boundary.edges), len(boundary.vertices)) == (1, 0, 0)
+
+
 def test_sheets_that_the_kernel_refuses_are_left_to_triangles(lumpy):
     part, boundary, _, _ = lumpy
     holes = [k for k, sheet in enumerate(part.sheets) if isinstance(sheet.surface, Cylinder)]
