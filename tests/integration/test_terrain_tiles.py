@@ -4,9 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from OCP.StdFail import StdFail_NotDone
 from typer.testing import CliRunner
 
+from brep_export.app import front_desk
 from brep_export.app.cli import app
+from brep_export.app.workshop import Bench, work_here
+from recon.terrain.map_tiles import MapTiles
 
 
 @pytest.fixture
@@ -69,6 +73,67 @@ def test_tiles_beside_a_void_are_named_and_the_others_written(tmp_path):
     assert [reason[:5] for reason in result["reasons"]] == ["r0-c0", "r0-c1"]
     assert "no height is known at (50.0, 200.0)" in result["reasons"][0]
     assert sorted(p.name for p in tmp_path.glob("r*.step")) == ["r-r0-c2.step", "r-r0-c3.step"]
+
+
+def spoil(monkeypatch, tile, problem):
+    """One tile raises; the work is done in this process, where it can be made to."""
+    sound = MapTiles.tile
+
+    def ground(self, place, **more):
+        if place == tile:
+            raise problem
+        return sound(self, place, **more)
+
+    monkeypatch.setattr(MapTiles, "tile", ground)
+    here = Bench(lambda message: None)
+    monkeypatch.setattr(front_desk, "run", lambda job, request, **more: work_here(job, request, here))
+
+
+@pytest.mark.parametrize(
+    ("problem", "told", "cause"),
+    [
+        (StdFail_NotDone("no curve"), "a fault in recon-brep itself (StdFail_NotDone: no curve; test_terrain", "fault"),
+        (MemoryError(), "not enough memory", "memory"),
+    ],
+)
+def test_a_tile_that_breaks_off_is_named_and_the_others_are_written(ridge, tmp_path, monkeypatch, problem, told, cause):
+    spoil(monkeypatch, (0, 1), problem)
+    answer = run(ridge, "--tile", 0.2, "--base-depth", 20, "-o", tmp_path / "r.step")
+    result = json.loads(answer.stdout)
+    assert answer.exit_code == 1
+    assert [reason.partition(": ")[0] for reason in result["reasons"]] == ["r0-c1"]
+    assert told in result["reasons"][0]
+    assert result["cause"] == cause
+    assert sorted(p.name for p in tmp_path.glob("r*.step")) == ["r-r0-c0.step", "r-r1-c0.step", "r-r1-c1.step"]
+    assert result["kernel"]["solids"] == 3
+
+
+def test_where_a_fault_in_a_tile_was_raised_is_shown_on_request(ridge, tmp_path, monkeypatch):
+    spoil(monkeypatch, (0, 1), ZeroDivisionError("by zero"))
+    options = ["--tile", 0.2, "--base-depth", 20, "-o", tmp_path / "r.step"]
+    assert "Run it again with --debug" in run(ridge, *options).stderr
+    told = run(ridge, *options, "--debug").stderr
+    assert "r0-c1: Traceback" in told and "in ground" in told
+
+
+def test_joined_tiles_are_not_written_where_one_breaks_off_and_every_such_tile_is_named(ridge, tmp_path, monkeypatch):
+    spoil(monkeypatch, (0, 1), ZeroDivisionError("by zero"))
+    page = tmp_path / "r.html"
+    answer = run(ridge, "--tile", 0.2, "--join", "--base-depth", 20, "-o", tmp_path / "r.step", "--report", page)
+    result = json.loads(answer.stdout)
+    assert answer.exit_code == 1
+    assert [reason.partition(": ")[0] for reason in result["reasons"]] == ["r0-c1"]
+    assert "ZeroDivisionError" in page.read_text()
+    assert not list(tmp_path.glob("r*.step"))
+
+
+def test_a_tile_that_reaches_below_the_base_is_named_and_the_others_written(ridge, tmp_path):
+    answer = run(ridge, "--tile", 0.2, "--only", "0-1,1", "--base-level", 8, "-o", tmp_path / "r.step")
+    result = json.loads(answer.stdout)
+    assert answer.exit_code == 1
+    assert [reason.partition(": ")[0] for reason in result["reasons"]] == ["r1-c1"]
+    assert "reaches down to" in result["reasons"][0]
+    assert [p.name for p in tmp_path.glob("r*.step")] == ["r-r0-c1.step"]
 
 
 def test_gregory_tiles_join_to_one_solid_within_the_angle(ridge, tmp_path):
