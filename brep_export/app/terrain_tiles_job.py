@@ -1,17 +1,18 @@
 """The job behind `recon terrain --tile`: a grid too large for memory, tile by tile, to a file each, or some as one."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from brep_export.app.cluster_calls import calls
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result
 from brep_export.app.terrain_job import ground_options
 from brep_export.app.tile_names import KILOMETRE, chosen_tiles, tile_files, tile_label
-from brep_export.app.tile_work import TileMade, TileOrder, made_tile, network_shape, proven
+from brep_export.app.tile_work import TileMade, TileOrder, made_alone, made_tile, nearby, network_shape, proven
 from brep_export.app.workshop import Bench, Exit
 from recon.errors import BadOption
 from recon.geometry.patches import PatchNetwork
@@ -142,6 +143,27 @@ def _joined(order: TileOrder, places: Sequence[Place], bench: Bench) -> _Made:
 
 
 def _tiles(order: TileOrder, places: Sequence[Place], bench: Bench) -> Iterator[tuple[Place, TileMade]]:
-    """Every tile with what came of it, in their order."""
-    for number, tile in enumerate(places, 1):
-        yield tile, made_tile(order, tile, bench, f"tile {number} of {len(places)}")
+    """Every tile with what came of it, in their order: made here, or by the workers of a scheduler."""
+    names = [f"tile {number} of {len(places)}" for number in range(1, len(places) + 1)]
+    if order.request["scheduler"] is None:
+        for tile, name in zip(places, names):
+            yield tile, made_tile(order, tile, bench, name)
+        return
+    outputs = order.request["outputs"]
+    away = replace(order, request={**order.request, "outputs": [str(Path(path).absolute()) for path in outputs]})
+    with calls(order.request["scheduler"], lost=_lost) as each:
+        made = each(made_alone, (nearby(away, tile) for tile in places), places)
+        for tile, name in zip(places, names):
+            with bench.phase("reconstruct", name):
+                one = next(made)
+            yield tile, replace(one, written=_as_given(one.written, outputs))
+
+
+def _lost(problem: Exception) -> TileMade:
+    return TileMade(reasons=["every worker that was given it broke off; nothing was written."], cause="crash")
+
+
+def _as_given(written: Sequence[str], outputs: Sequence[str]) -> list[str]:
+    """Files that workers know by their whole paths, as the user names them."""
+    folders = {Path(path).absolute().parent: Path(path).parent for path in outputs}
+    return [str(folders[Path(path).parent] / Path(path).name) for path in written]

@@ -4,7 +4,7 @@ A shape stays in the process that makes it. What comes back is figures, and the 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from threading import Lock
 from typing import Any
@@ -27,12 +27,12 @@ from brep_export.app.workshop import Bench, ended_by
 from brep_export.blocks import block_solid
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.shells import network_shell
-from recon.errors import BadOption
+from recon.errors import BadOption, ReconError
 from recon.geometry.patches import PatchNetwork
 from recon.terrain.map_tiles import MapTiles, Place
 from recon.terrain.network import stretched, terrain_network
 
-__all__ = ["TileMade", "TileOrder", "made_alone", "made_tile", "network_shape", "proven"]
+__all__ = ["TileMade", "TileOrder", "made_alone", "made_tile", "nearby", "network_shape", "proven"]
 
 ALONE = Lock()  # a worker may have several threads: the kernel's settings are the process's, and so is its memory
 
@@ -76,8 +76,16 @@ def made_tile(order: TileOrder, tile: Place, bench: Bench, where: str = "") -> T
         return TileMade(reasons=ending.reasons, trace=ending.trace, cause=ending.cause)
 
 
+def nearby(order: TileOrder, tile: Place) -> TileOrder | TileMade:
+    """The order that a worker is given: with the heights around the tile; or what is said where they cannot be read."""
+    try:
+        return replace(order, tiles=MapTiles(order.tiles.plan.near(tile)))
+    except ReconError as problem:
+        return TileMade(reasons=[str(problem)])
+
+
 def made_alone(order: TileOrder | TileMade, tile: Place) -> TileMade:
-    """The same on a worker, one at a time in a process; what could not be handed out stays as it is."""
+    """The tile of such an order on a worker, one at a time in a process."""
     if isinstance(order, TileMade):
         return order
     with ALONE:

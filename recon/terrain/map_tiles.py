@@ -33,6 +33,7 @@ Place = tuple[int, int]
 
 POINTS_A_CELL = 0.94  # of a cell: the usual way between two points of a contour, which follows the grid's cells
 MARGIN = 48  # cells around a seam or a node whose ground tells its jets
+REACH = MARGIN + 1  # cells beyond a tile within which it looks at heights: one more keeps them off the contours' levels
 FEWEST = 16  # cells of a tile along its shorter side
 BLOCK = 256  # rows that are looked through at once
 
@@ -84,6 +85,11 @@ class TiledMap:
             slice(self.rows[south], self.rows[south + 1] + 1),
             slice(self.columns[tile[1]], self.columns[tile[1] + 1] + 1),
         )
+
+    def near(self, tile: Place) -> "TiledMap":
+        """The same map for whoever makes that tile alone: of its heights it holds those that the tile depends on."""
+        rows, columns = (slice(max(part.start - REACH, 0), part.stop + REACH) for part in self.extent(tile))
+        return replace(self, source=self.source.held(rows, columns))
 
 
 def point_spacing_of(source: HeightSource) -> float:

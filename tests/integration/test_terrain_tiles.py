@@ -1,16 +1,22 @@
 """`recon terrain --tile`: a file a tile, or the chosen ones as one solid; and what it refuses."""
 
 import json
+import os
+import re
 
+import dask
 import numpy as np
 import pytest
 from OCP.StdFail import StdFail_NotDone
 from typer.testing import CliRunner
 
-from brep_export.app import front_desk
+from brep_export.app import front_desk, terrain_tiles_job
 from brep_export.app.cli import app
 from brep_export.app.workshop import Bench, work_here
 from recon.terrain.map_tiles import MapTiles
+
+CLUSTER = {"n_workers": 2, "threads_per_worker": 1, "protocol": "tcp", "dashboard_address": ":0"}
+DATE = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
 
 
 @pytest.fixture
@@ -136,6 +142,59 @@ def test_a_tile_that_reaches_below_the_base_is_named_and_the_others_written(ridg
     assert [p.name for p in tmp_path.glob("r*.step")] == ["r-r0-c1.step"]
 
 
+@pytest.fixture(scope="module")
+def scheduler():
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(processes=False, **CLUSTER) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.mark.parametrize("together", [[], ["--join"]], ids=["a file each", "joined"])
+def test_the_workers_of_a_cluster_make_the_same_bytes(ridge, tmp_path, monkeypatch, scheduler, together):
+    monkeypatch.chdir(tmp_path)
+    rooms, files = {}, {}
+    for name, more in (("here", []), ("there", ["--scheduler", scheduler])):
+        (tmp_path / name).mkdir()
+        options = ["--tile", 0.2, "--base-depth", 20, *together, "-o", f"{name}/r.step", "-o", f"{name}/r.stl"]
+        answer = run(ridge, *options, *more)
+        assert answer.exit_code == 0, answer.output
+        result = json.loads(answer.stdout)
+        files[name] = {
+            path.rpartition("/")[2]: DATE.sub(b"", (tmp_path / path).read_bytes()) for path in result["outputs"]
+        }
+        assert sorted(result["outputs"]) == sorted(f"{name}/{path.name}" for path in (tmp_path / name).iterdir())
+        rooms[name] = result["room"]
+    assert len(files["here"]) == 4 * (1 if together else 4)
+    assert files["here"] == files["there"]
+    assert rooms["here"] == rooms["there"]
+
+
+def test_a_tile_that_breaks_off_on_a_cluster_is_named_and_the_others_are_written(
+    ridge, tmp_path, monkeypatch, scheduler
+):
+    spoil(monkeypatch, (0, 1), StdFail_NotDone("no curve"))  # the workers are threads of this process
+    answer = run(ridge, "--tile", 0.2, "-o", tmp_path / "r.step", "--scheduler", scheduler)
+    result = json.loads(answer.stdout)
+    assert answer.exit_code == 1
+    assert [reason.partition(" (")[0] for reason in result["reasons"]] == ["r0-c1: a fault in recon-brep itself"]
+    assert result["cause"] == "fault"
+    assert sorted(p.name for p in tmp_path.glob("r*.step")) == ["r-r0-c0.step", "r-r1-c0.step", "r-r1-c1.step"]
+
+
+def test_a_tile_over_which_workers_die_is_named(ridge, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    spoil(monkeypatch, None, None)
+    monkeypatch.setattr(terrain_tiles_job, "made_alone", lambda order, tile: os._exit(1))
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(processes=True, **CLUSTER | {"n_workers": 1}) as cluster,
+    ):
+        options = ["--tile", 0.2, "--only", "0,1", "-o", tmp_path / "r.step", "--scheduler", cluster.scheduler_address]
+        result = json.loads(run(ridge, *options).stdout)
+    assert result["reasons"] == ["r0-c1: every worker that was given it broke off; nothing was written."]
+    assert result["cause"] == "crash"
+
+
 def test_gregory_tiles_join_to_one_solid_within_the_angle(ridge, tmp_path):
     options = ["--patches", "gregory", "--angle", 0.05, "--tile", 0.2, "--join", "--base-depth", 20]
     result = json.loads(run(ridge, *options, "-o", tmp_path / "r.step").stdout)
@@ -154,6 +213,8 @@ def test_gregory_tiles_join_to_one_solid_within_the_angle(ridge, tmp_path):
         (["--tile", 0.2, "--clip", "0,0,9,9"], "--clip"),
         (["--tile", 0.2, "--picture", "r.png"], "--join"),
         (["--join"], "--tile"),
+        (["--scheduler", "tcp://127.0.0.1:1"], "--tile"),
+        (["--tile", 0.2, "--scheduler", "tcp://127.0.0.1:1"], "no scheduler answers"),
     ],
 )
 def test_what_does_not_go_by_tiles_is_refused(ridge, tmp_path, arguments, named):

@@ -85,6 +85,16 @@ def test_a_tile_looks_no_farther_than_its_margin():
         np.testing.assert_array_equal(one.nets, other.nets)
 
 
+@pytest.mark.parametrize("tile", [(0, 0), (1, 1), (2, 1)])
+def test_the_heights_near_a_tile_are_all_that_it_needs(tile):
+    plan = tiles_of(rough_grid(3, 241)).plan
+    near = plan.near(tile)
+    held = near.source.read.heights.size
+    assert held < plan.source.read.heights.size / 2
+    for one, other in zip(MapTiles(near).tile(tile).nets, MapTiles(plan).tile(tile).nets, strict=True):
+        np.testing.assert_array_equal(one.nets, other.nets)
+
+
 def test_the_ground_by_tiles_is_as_near_to_the_heights_as_the_whole_one(grounds):
     grid = rough_grid(3)
     places, heights = grid.places()
