@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from brep_export.app.clip_box import clip_box
 from brep_export.app.cluster_calls import calls
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result
 from brep_export.app.terrain_job import ground_options
-from brep_export.app.tile_names import KILOMETRE, chosen_tiles, tile_files, tile_label
+from brep_export.app.tile_names import KILOMETRE, chosen_tiles, tile_files, tile_label, tiled_grid
 from brep_export.app.tile_work import TileMade, TileOrder, made_alone, made_tile, nearby, network_shape, proven
 from brep_export.app.workshop import Bench, Exit
 from recon.errors import BadOption
+from recon.geometry.height_source import HeightSource
 from recon.geometry.patches import PatchNetwork
-from recon.readers.height_grids import GRID_ENDINGS, open_height_grid
+from recon.readers.height_grids import GRID_ENDINGS
 from recon.terrain.map_tiles import MapTiles, Place, TiledMap, plan_tiles
 from recon.terrain.network import border_angles, joined_network
 
@@ -26,8 +28,6 @@ Answer = tuple[Exit, dict[str, Any], tuple[str, ...], str, str]
 
 WHOLE = "looks at the whole map, or mends it: not with --tile"
 NOT_BY_TILES = {  # options of `recon terrain`, with what they have to be left at and why
-    "clip": (None, "cuts through tiles, whose neighbours know nothing of the cut: cut the grid itself first, or choose"
-                   " tiles with --only"),
     "against": (None, WHOLE), "contours": (None, WHOLE), "attribute": (None, WHOLE), "unit": (None, WHOLE),
     "mend": (False, WHOLE), "break_lines": (False, WHOLE),
 }  # fmt: skip
@@ -40,7 +40,8 @@ def terrain_tiles(request: Mapping[str, Any], bench: Bench) -> Answer:
     """
     _check_request(request)
     with bench.phase("read", "looking through the grid"):
-        source = open_height_grid(request["inputs"][0], project=request["project"])
+        source = tiled_grid(request)
+        _tell_box(source, request["clip"], bench)
         plan = plan_tiles(source, request["interval"], KILOMETRE * request["tile"], ground_options(request))
     places = chosen_tiles(request["only"], plan.shape)
     order = TileOrder(request, MapTiles(plan), _base(request, plan))
@@ -107,6 +108,16 @@ def _check_request(request: Mapping[str, Any]) -> None:
         raise BadOption("--base-level", "say how deep the base lies or at which height, not both")
     if not request["join"] and (request["picture"] or request["report"]):
         raise BadOption("--tile", "a picture or a page shows one shape: ask for it with --join")
+
+
+def _tell_box(source: HeightSource, clip: str | None, bench: Bench) -> None:
+    """Say which box was kept, where that is not the one asked for."""
+    if clip is None:
+        return
+    kept = np.array([[source.x[0], source.y[0]], [source.x[-1], source.y[-1]]])
+    if not np.allclose(kept, clip_box(clip), rtol=0.0, atol=1e-3):
+        box = ",".join(f"{place:.10g}" for place in kept.ravel())
+        bench.note(f"--clip keeps whole cells of the grid, here those in {box}", name="clipped")
 
 
 def _base(request: Mapping[str, Any], plan: TiledMap) -> float | None:

@@ -195,6 +195,24 @@ def test_a_tile_over_which_workers_die_is_named(ridge, tmp_path, monkeypatch):
     assert result["cause"] == "crash"
 
 
+def test_a_box_of_a_map_goes_by_tiles_and_a_note_says_which_cells_it_keeps(ridge, tmp_path):
+    options = ["--tile", 0.2, "--clip", "33,40,271,360", "--base-depth", 20, "-o", tmp_path / "r.step"]
+    planned = json.loads(run(ridge, *options, "--dry-run").stdout)
+    result = json.loads(run(ridge, *options).stdout)
+    assert result["reasons"] == []
+    assert result["notes"] == ["--clip keeps whole cells of the grid, here those in 40,40,270,360"]
+    assert [path for path in result["outputs"] if path.endswith(".step")] == planned["outputs"]
+    assert result["room"]["lattice"] == [2, 1]
+    x, y = result["room"]["origin"]
+    (west, south, _), (east, north, _) = result["kernel"]["bounding_box"]
+    np.testing.assert_allclose([west + x, south + y, east + x, north + y], [40, 40, 270, 360], atol=1e-6)
+
+
+def test_a_box_along_the_lines_of_a_grid_needs_no_note(ridge, tmp_path):
+    options = ["--tile", 0.2, "--clip", "40,40,270,360", "--only", "0,0", "--base-depth", 20]
+    assert json.loads(run(ridge, *options, "-o", tmp_path / "r.step").stdout)["notes"] == []
+
+
 def test_gregory_tiles_join_to_one_solid_within_the_angle(ridge, tmp_path):
     options = ["--patches", "gregory", "--angle", 0.05, "--tile", 0.2, "--join", "--base-depth", 20]
     result = json.loads(run(ridge, *options, "-o", tmp_path / "r.step").stdout)
@@ -210,7 +228,10 @@ def test_gregory_tiles_join_to_one_solid_within_the_angle(ridge, tmp_path):
         (["--tile", 0.2, "--only", "0,7"], "2 rows and 2 columns"),
         (["--tile", 0.2, "--only", "all"], "0-2,4-6"),
         (["--tile", 0.01], "--tile"),
-        (["--tile", 0.2, "--clip", "0,0,9,9"], "--clip"),
+        (["--tile", 0.2, "--clip", "0,0,9,9"], "the box holds 0 by 0 cells"),
+        (["--tile", 0.2, "--clip", "900,0,990,300"], "no place in common"),
+        (["--tile", 0.2, "--clip", "1,2,3"], "four numbers"),
+        (["--tile", 0.2, "--clip", "parcel.geojson"], "only a box"),
         (["--tile", 0.2, "--picture", "r.png"], "--join"),
         (["--join"], "--tile"),
         (["--scheduler", "tcp://127.0.0.1:1"], "--tile"),

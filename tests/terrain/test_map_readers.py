@@ -132,6 +132,13 @@ def test_a_faulty_row_of_a_long_text_grid_is_named(tmp_path, monkeypatch, spoilt
         open_height_grid(path).read(slice(0, 2), slice(0, 4))
 
 
+def test_rows_beyond_a_part_of_a_long_text_grid_are_not_looked_at(tmp_path, monkeypatch):
+    words = " ".join(map(str, range(60)))
+    source = open_height_grid(long_text(tmp_path, monkeypatch, [words] * 149 + ["1 2 x 4"]))
+    part = source.part(slice(70, 120), slice(5, 40))
+    np.testing.assert_array_equal(part.read(slice(None), slice(30, 99)), np.tile(np.arange(35.0, 40.0), (50, 1)))
+
+
 @pytest.mark.parametrize("content", ["", "{}", "[1, 2]", "words"])
 def test_a_file_that_holds_no_grid_is_refused(tmp_path, content):
     for ending in (".asc", ".json"):
