@@ -142,6 +142,27 @@ def test_a_tile_that_reaches_below_the_base_is_named_and_the_others_written(ridg
     assert [p.name for p in tmp_path.glob("r*.step")] == ["r-r0-c1.step"]
 
 
+def test_a_geotiff_by_tiles_gives_the_bytes_of_a_text_grid(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    x, y = np.meshgrid(10.0 * np.arange(80), 10.0 * np.arange(70))
+    z = (4.0 + 60.0 * np.sin(x / 150) ** 2 + 0.05 * y).astype(np.float32)[::-1]
+    head = "ncols 80\nnrows 70\nxllcorner 500000\nyllcorner 4000000\ncellsize 10\n"
+    (tmp_path / "grid.asc").write_text(head + "\n".join(" ".join(map(repr, row)) for row in z.tolist()))
+    way = rasterio.transform.from_origin(500_000.0, 4_000_700.0, 10.0, 10.0)
+    layout = {"tiled": True, "blockxsize": 32, "blockysize": 16, "compress": "deflate"}
+    with rasterio.open(
+        tmp_path / "grid.tif", "w", driver="GTiff", width=80, height=70, count=1, dtype=z.dtype, transform=way, **layout
+    ) as file:
+        file.write(z, 1)
+    made = {}
+    for kind in ("asc", "tif"):
+        options = ["--tile", 0.39, "--base-depth", 20, "-o", tmp_path / f"{kind}.step"]
+        assert run(tmp_path / f"grid.{kind}", *options).exit_code == 0
+        made[kind] = [DATE.sub(b"", path.read_bytes()) for path in sorted(tmp_path.glob(f"{kind}-*.step"))]
+    assert len(made["asc"]) == 4
+    assert made["asc"] == made["tif"]
+
+
 @pytest.fixture(scope="module")
 def scheduler():
     distributed = pytest.importorskip("distributed")
