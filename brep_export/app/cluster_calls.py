@@ -24,8 +24,8 @@ def calls(scheduler: str | None, *, lost: Callable[[Exception], Any] | None = No
     """As `map`; the function runs here, or on the workers of the scheduler at an address.
 
     lost    what stands for the result of an entry over which its workers died; where None, the block raises
-    Raises  BadOption where no scheduler answers; in the block, what the function raises: errors of ours as Refusal or
-            InputError with the same sentence.
+    Raises  BadOption where no scheduler answers; in the block, Refusal where it is lost, and what the function raises:
+            errors of ours as Refusal or InputError with the same sentence.
     """
     if scheduler is None:
         yield map
@@ -46,10 +46,12 @@ def calls(scheduler: str | None, *, lost: Callable[[Exception], Any] | None = No
 
 
 def _taken(future: Any, lost: Callable[[Exception], Any] | None) -> Any:
-    from distributed import KilledWorker
+    from distributed import CancelledError, KilledWorker
 
     try:
         answer = future.result()
+    except CancelledError as problem:
+        raise Refusal("the connection to the scheduler was lost.") from problem
     except KilledWorker as problem:
         if lost is None:
             raise

@@ -27,7 +27,7 @@ from brep_export.app.workshop import Bench, ended_by
 from brep_export.blocks import block_solid
 from brep_export.check import CheckReport, ShapeKind
 from brep_export.shells import network_shell
-from recon.errors import BadOption, ReconError
+from recon.errors import BadOption
 from recon.geometry.patches import PatchNetwork
 from recon.terrain.map_tiles import MapTiles, Place
 from recon.terrain.network import stretched, terrain_network
@@ -72,16 +72,15 @@ def made_tile(order: TileOrder, tile: Place, bench: Bench, where: str = "") -> T
     try:
         return _made(order, tile, bench, where)
     except Exception as problem:  # noqa: BLE001 - the last door of a tile, as the workshop's is of a job
-        ending = ended_by(problem)
-        return TileMade(reasons=ending.reasons, trace=ending.trace, cause=ending.cause)
+        return _broken_off(problem)
 
 
 def nearby(order: TileOrder, tile: Place) -> TileOrder | TileMade:
     """The order that a worker is given: with the heights around the tile; or what is said where they cannot be read."""
     try:
         return replace(order, tiles=MapTiles(order.tiles.plan.near(tile)))
-    except ReconError as problem:
-        return TileMade(reasons=[str(problem)])
+    except Exception as problem:  # noqa: BLE001 - as where a tile is made, which reads the same heights
+        return _broken_off(problem)
 
 
 def made_alone(order: TileOrder | TileMade, tile: Place) -> TileMade:
@@ -90,6 +89,11 @@ def made_alone(order: TileOrder | TileMade, tile: Place) -> TileMade:
         return order
     with ALONE:
         return made_tile(order, tile, Bench(lambda message: None))
+
+
+def _broken_off(problem: Exception) -> TileMade:
+    ending = ended_by(problem)
+    return TileMade(reasons=ending.reasons, trace=ending.trace, cause=ending.cause)
 
 
 def _made(order: TileOrder, tile: Place, bench: Bench, where: str) -> TileMade:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import time
 
 import dask
 import numpy as np
@@ -12,7 +13,9 @@ from typer.testing import CliRunner
 
 from brep_export.app import front_desk, terrain_tiles_job
 from brep_export.app.cli import app
+from brep_export.app.cluster_calls import calls
 from brep_export.app.workshop import Bench, work_here
+from recon.errors import Refusal
 from recon.terrain.map_tiles import MapTiles
 
 CLUSTER = {"n_workers": 2, "threads_per_worker": 1, "protocol": "tcp", "dashboard_address": ":0"}
@@ -140,6 +143,17 @@ def test_a_tile_that_reaches_below_the_base_is_named_and_the_others_written(ridg
     assert [reason.partition(": ")[0] for reason in result["reasons"]] == ["r1-c1"]
     assert "reaches down to" in result["reasons"][0]
     assert [p.name for p in tmp_path.glob("r*.step")] == ["r-r0-c1.step"]
+
+
+def test_a_scheduler_that_is_lost_is_said():
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(processes=True, **CLUSTER | {"n_workers": 1}) as cluster,
+        pytest.raises(Refusal, match="connection to the scheduler was lost"),
+        calls(cluster.scheduler_address) as each,
+    ):
+        for _ in each(time.sleep, [0.0, 60.0]):
+            cluster.close()
 
 
 def test_a_geotiff_by_tiles_gives_the_bytes_of_a_text_grid(tmp_path):
