@@ -11,7 +11,7 @@ from brep_export.app.clip_box import clip_box
 from brep_export.app.cluster_calls import calls
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import kernel_of_all, result
-from brep_export.app.terrain_job import ground_options
+from brep_export.app.terrain_job import ground_options, stretch_of
 from brep_export.app.tile_names import KILOMETRE, chosen_tiles, tile_files, tile_label, tiled_grid
 from brep_export.app.tile_work import TileMade, TileOrder, made_alone, made_tile, nearby, network_shape, proven
 from brep_export.app.workshop import Bench, Exit
@@ -108,6 +108,7 @@ def _check_request(request: Mapping[str, Any]) -> None:
         raise BadOption("--base-level", "say how deep the base lies or at which height, not both")
     if not request["join"] and (request["picture"] or request["report"]):
         raise BadOption("--tile", "a picture or a page shows one shape: ask for it with --join")
+    stretch_of(request)  # what is wrong with a scale is wrong for every tile
 
 
 def _tell_box(source: HeightSource, clip: str | None, bench: Bench) -> None:

@@ -16,7 +16,7 @@ from brep_export.app.cli import app
 from brep_export.app.cluster_calls import calls
 from brep_export.app.workshop import Bench, work_here
 from recon.errors import Refusal
-from recon.terrain.map_tiles import MapTiles
+from recon.terrain.map_tiles import MapTiles, TiledMap
 
 CLUSTER = {"n_workers": 2, "threads_per_worker": 1, "protocol": "tcp", "dashboard_address": ":0"}
 DATE = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
@@ -216,6 +216,22 @@ def test_a_tile_that_breaks_off_on_a_cluster_is_named_and_the_others_are_written
     assert sorted(p.name for p in tmp_path.glob("r*.step")) == ["r-r0-c0.step", "r-r1-c0.step", "r-r1-c1.step"]
 
 
+def test_a_tile_whose_heights_cannot_be_read_is_named_on_a_cluster_too(ridge, tmp_path, monkeypatch, scheduler):
+    spoil(monkeypatch, None, None)
+    sound = TiledMap.near
+
+    def near(self, tile):
+        if tile == (1, 0):
+            raise OSError("the disk has a hole")
+        return sound(self, tile)
+
+    monkeypatch.setattr(TiledMap, "near", near)
+    options = ["--tile", 0.2, "--only", "1,0-1", "-o", tmp_path / "r.step", "--scheduler", scheduler]
+    result = json.loads(run(ridge, *options).stdout)
+    assert [reason.partition(" (")[0] for reason in result["reasons"]] == ["r1-c0: a fault in recon-brep itself"]
+    assert [p.name for p in tmp_path.glob("r*.step")] == ["r-r1-c1.step"]
+
+
 def test_a_tile_over_which_workers_die_is_named(ridge, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
     spoil(monkeypatch, None, None)
@@ -268,6 +284,7 @@ def test_gregory_tiles_join_to_one_solid_within_the_angle(ridge, tmp_path):
         (["--tile", 0.2, "--clip", "1,2,3"], "four numbers"),
         (["--tile", 0.2, "--clip", "parcel.geojson"], "only a box"),
         (["--tile", 0.2, "--picture", "r.png"], "--join"),
+        (["--tile", 0.2, "--scale", "1:0"], "--scale"),
         (["--join"], "--tile"),
         (["--scheduler", "tcp://127.0.0.1:1"], "--tile"),
         (["--tile", 0.2, "--scheduler", "tcp://127.0.0.1:1"], "no scheduler answers"),
