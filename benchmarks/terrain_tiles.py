@@ -5,8 +5,9 @@ python benchmarks/terrain_tiles.py [SIDE] [--interval M] [--tile KM]
 Fractal ground (`fractal_mountain` of terrain.py, seed 3, roughness 2.6) of SIDE by SIDE heights (1200), 10 m apart, as
 text with one decimal; contours at M metres (100), tolerance 10 m, tiles of about KM kilometres (SIDE / 1000). Each is a
 block whose base lies 100 m below the lowest height, and goes through the gate into a STEP file that is read back. All
-tiles in one process; memory is the largest that it held so far, seconds are processor time, those of looking through
-the text among the last ones.
+tiles in one process; angles in degrees, the largest between faces within tiles, and between those of a tile and of its
+neighbours in the north and west; memory is the largest that was held so far, seconds are processor time, those of
+looking through the text among the last ones.
 """
 
 import argparse
@@ -55,7 +56,7 @@ def measured(path: Path, interval: float, size: float) -> None:
     print(f"\nlooked through in {time.process_time() - begun:.0f} s: {plan.shape[0]} by {plan.shape[1]} tiles\n")
     table = Table(
         {"row": "4", "tiles": "5,", "patches": "8,", "pass": "5,", "angle within": "12.1e", "across borders": "14.1e"}
-        | {"MB of STEP": "10,.0f", "MB held": "8,.0f", "seconds": "8.0f"}
+        | {"MB of STEP": "10,.0f", "MiB held": "8,.0f", "seconds": "8.0f"}
     )
     known: dict[Place, PatchNetwork] = {}
     made: list[Figures] = []
