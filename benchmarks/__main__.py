@@ -1,6 +1,7 @@
 """All benchmarks one after the other, printed and kept as pages and plots of the documentation: `make bench`.
 
-python benchmarks [NAME ...]     NAME of a benchmark below, all but `robustness`, which takes hours, where none is named
+python benchmarks [NAME ...]     NAME of a benchmark below; where none is named all but `robustness`, which takes hours,
+                                 and `terrain_tiles`, which takes half of one
 
 Every benchmark runs in a process of its own and prints Markdown; its page is docs/measured/NAME.md, and where its
 tables set methods side by side, docs/measured/NAME.png draws their errors and seconds.
@@ -42,6 +43,7 @@ RUNS = {
     "scan_cells": Run("Scans of many millions of points", ("1000000:50000", "4000000:200000")),
     "limit_solids": Run("Limit surfaces as solids"),
     "terrain": Run("Contour lines to a ground", error="rms, m"),
+    "terrain_tiles": Run("A map by tiles", ("12000",)),
     "voxel_mesh": Run("Voxels to a boundary", ("--half",), error="error"),
     "voxel_blocks": Run("Voxels by blocks", ("256", "--block", "64")),
     "three_view": Run("Drawings to solids"),
@@ -50,11 +52,12 @@ RUNS = {
     "batch_workers": Run("A batch by one worker and by two"),
     "robustness": Run("Inputs drawn by chance"),
 }
+LONG = ("robustness", "terrain_tiles")
 
 
 def main() -> None:
     PAGES.mkdir(exist_ok=True)
-    names = sys.argv[1:] or [name for name in RUNS if name != "robustness"]
+    names = sys.argv[1:] or [name for name in RUNS if name not in LONG]
     broken = [name for name in names if not _kept(name, RUNS[name])]
     if broken:
         sys.exit(f"broke off: {', '.join(broken)}")

@@ -20,11 +20,12 @@ AHEAD = 2  # entries a worker that are handed out before the first comes back
 
 
 @contextmanager
-def calls(scheduler: str | None) -> Iterator[Each]:
+def calls(scheduler: str | None, *, lost: Callable[[Exception], Any] | None = None) -> Iterator[Each]:
     """As `map`; the function runs here, or on the workers of the scheduler at an address.
 
-    Raises  BadOption where no scheduler answers; in the block, what the function raises: errors of ours as Refusal or
-            InputError with the same sentence.
+    lost    what stands for the result of an entry over which its workers died; where None, the block raises
+    Raises  BadOption where no scheduler answers; in the block, Refusal where it is lost, and what the function raises:
+            errors of ours as Refusal or InputError with the same sentence.
     """
     if scheduler is None:
         yield map
@@ -37,11 +38,25 @@ def calls(scheduler: str | None) -> Iterator[Each]:
             for given in zip(*sequences):
                 waiting.append(client.submit(_told, function, *given, pure=False))
                 if len(waiting) >= most:
-                    yield _found(waiting.popleft().result())
+                    yield _taken(waiting.popleft(), lost)
             while waiting:
-                yield _found(waiting.popleft().result())
+                yield _taken(waiting.popleft(), lost)
 
         yield each
+
+
+def _taken(future: Any, lost: Callable[[Exception], Any] | None) -> Any:
+    from distributed import CancelledError, KilledWorker
+
+    try:
+        answer = future.result()
+    except CancelledError as problem:
+        raise Refusal("the connection to the scheduler was lost.") from problem
+    except KilledWorker as problem:
+        if lost is None:
+            raise
+        return lost(problem)
+    return _found(answer)
 
 
 def _told(function: Callable[..., Any], *given: Any) -> tuple[bool, Any]:

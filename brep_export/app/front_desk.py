@@ -66,7 +66,10 @@ def answer(
     result = outcome.result or refusal(command, request["inputs"], outcome.reasons, cause=outcome.cause)
     if outcome.result is None:
         result["room"] = dict(outcome.figures)
-        _complain(command, outcome, request["debug"])
+        _complain(command, outcome)
+    elif outcome.cause:
+        result = {**result, "cause": outcome.cause}
+    _tell_trace(outcome, request["debug"])
     if as_json:
         typer.echo(json.dumps(result))
     elif outcome.result is not None:
@@ -101,9 +104,12 @@ def _listed(value: Any) -> list[str]:
     return value if isinstance(value, list) else [value]
 
 
-def _complain(command: str, outcome: Outcome, debug: bool) -> None:
+def _complain(command: str, outcome: Outcome) -> None:
     for reason in outcome.reasons:
         typer.echo(f"recon {command}: {reason}", err=True)
+
+
+def _tell_trace(outcome: Outcome, debug: bool) -> None:
     if outcome.trace and debug:
         typer.echo(outcome.trace, err=True)
     elif outcome.trace:

@@ -17,6 +17,7 @@ NOTES = (
     "folds",
     "off-limit",
     "ground",
+    "clipped",
     "blocks",
     "dropped",
     "not-merged",

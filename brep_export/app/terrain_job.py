@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.TopoDS import TopoDS_Shape
 
+from brep_export.app.clip_box import clip_box
 from brep_export.app.deliver import copied_ahead, gate, write_files
 from brep_export.app.outputs import check_destinations
 from brep_export.app.result import result
@@ -163,13 +164,7 @@ def _clipped(contours: ContourMap, clip: str | None) -> ContourMap:
         return contours
     if Path(clip).suffix.lower() in POLYGON_ENDINGS:
         return clip_to_polygon(contours, read_polygon(clip))
-    try:
-        box = np.array([float(word) for word in clip.split(",")]).reshape(2, 2)
-    except ValueError as problem:
-        raise BadOption(
-            "--clip", f"give four numbers, west,south,east,north, or a GeoJSON file of a polygon, not {clip!r}"
-        ) from problem
-    return clip_to_box(contours, box)
+    return clip_to_box(contours, clip_box(clip))
 
 
 def _new_contours(ground: Terrain, interval: float | None) -> ContourMap | None:

@@ -29,7 +29,7 @@ from typing import Any
 from brep_export.orphans import die_with_parent
 from recon.errors import InputError, ReconError
 
-__all__ = ["Bench", "Exit", "Outcome", "run", "work_here"]
+__all__ = ["Bench", "Exit", "Outcome", "ended_by", "run", "work_here"]
 
 
 class Exit(IntEnum):
@@ -194,14 +194,20 @@ def work_here(job: str, request: dict[str, Any], bench: Bench) -> Outcome:
     try:
         module, function = job.split(":")
         return Outcome(*getattr(importlib.import_module(module), function)(request, bench))
-    except ReconError as problem:
+    except Exception as problem:  # noqa: BLE001 - the last door: a fault of our own must still end in a sentence
+        return ended_by(problem)
+
+
+def ended_by(problem: Exception) -> Outcome:
+    """What is said of work that raised, and where a fault of our own was raised."""
+    if isinstance(problem, ReconError):
         status = Exit.BAD_INPUT if isinstance(problem, InputError) else Exit.REFUSED
         return Outcome(status, reasons=(str(problem),), figures=dict(problem.figures))
-    except MemoryError:
+    if isinstance(problem, MemoryError):
         reason = "not enough memory for this input; nothing was written."
         return Outcome(Exit.REFUSED, reasons=(reason,), cause="memory")
-    except Exception as fault:  # noqa: BLE001 - the last door: a fault of our own must still end in a sentence
-        place = traceback.extract_tb(fault.__traceback__)[-1]
-        where = f"{Path(place.filename).name}:{place.lineno}"
-        reason = f"a fault in recon-brep itself ({type(fault).__name__}: {fault}; {where})"
-        return Outcome(Exit.REFUSED, reasons=(reason,), trace=traceback.format_exc(), cause="fault")
+    place = traceback.extract_tb(problem.__traceback__)[-1]
+    where = f"{Path(place.filename).name}:{place.lineno}"
+    reason = f"a fault in recon-brep itself ({type(problem).__name__}: {problem}; {where})"
+    trace = "".join(traceback.format_exception(problem))
+    return Outcome(Exit.REFUSED, reasons=(reason,), trace=trace, cause="fault")

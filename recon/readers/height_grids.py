@@ -4,6 +4,7 @@ JSON  {"width": nx, "height": ny, "values": [...]} row by row, north to south; "
 """
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ Floats = NDArray[np.float64]
 
 GRID_ENDINGS = (".asc", ".json", ".tif", ".tiff", ".hgt")
 CELL = 10.0
+FEET = re.compile(r"\b(foot|feet|ft)\b", re.IGNORECASE)
 LONG = 2**26  # bytes of a text file that is read by windows: a map of some ten million heights
 
 
@@ -59,7 +61,7 @@ def open_height_grid(path: str | Path, *, project: bool = False) -> HeightSource
     rasterio = require_rasterio(str(path))
     with _told_of(file), rasterio.open(file) as source:
         if source.crs is None or not source.crs.is_geographic:
-            _require_metres(file, source.crs)
+            _require_metres(file, source)
             x, y = _axes(file, source.transform, source.shape)
             return HeightSource(x, y, "" if source.crs is None else source.crs.to_string(), _Windows(file, len(y)))
     return HeightSource.of(read_height_grid(file, project=project))
@@ -93,7 +95,7 @@ class _Windows:
         with _told_of(self.path), rasterio.open(self.path) as source:
             left, right, _ = columns.indices(source.width)
             window = rasterio.windows.Window(left, self.n_rows - stop, right - left, stop - first)
-            return _band(source, window)[::-1]
+            return np.asarray(_band(source, window)[::-1])
 
 
 @contextmanager
@@ -145,6 +147,7 @@ def _raster(path: Path, *, project: bool) -> HeightGrid:
     rasterio = require_rasterio(str(path))
     try:
         with rasterio.open(path) as source:
+            _require_metres(path, source)
             band, way, crs = _band(source), source.transform, source.crs
     except rasterio.errors.RasterioError as problem:
         raise UnreadableFile(str(path), f"is no grid that rasterio reads ({problem})") from problem
@@ -158,16 +161,21 @@ def _raster(path: Path, *, project: bool) -> HeightGrid:
     return HeightGrid(*_axes(path, way, band.shape), band[::-1], label)
 
 
-def _require_metres(path: Path, crs: Any) -> None:
-    if crs is not None and abs(metres_of(crs) - 1.0) > 1e-9:
-        unit = f"has coordinates in units of {metres_of(crs):.6g} m"
-        raise UnreadableFile(str(path), unit, "Project it to metres first, its heights too")
-
-
 def _band(source: Any, window: Any = None) -> Floats:
-    """Heights of the first band: its numbers times its scale and more by its offset, which the library leaves alone."""
-    numbers = source.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
-    return np.asarray(numbers * source.scales[0] + source.offsets[0])
+    """Heights of a raster or a window of it, from the north, as its scale tells them; NaN where none was measured."""
+    stored = source.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
+    return np.asarray(source.scales[0] * stored + source.offsets[0])
+
+
+def _require_metres(path: Path, source: Any) -> None:
+    """Raises UnreadableFile for a raster that says it is in feet, or in kilometres; degrees are others' concern."""
+    metres = 1.0 if source.crs is None else metres_of(source.crs)
+    if abs(metres - 1.0) > 1e-9:
+        unit = f"has coordinates in units of {metres:.6g} m"
+        raise UnreadableFile(str(path), unit, "Project it to metres first, its heights too")
+    of_heights = source.units[0] or ""
+    if FEET.search(of_heights):
+        raise UnreadableFile(str(path), f"has heights in {of_heights}", "Bring them to metres first")
 
 
 def _axes(path: Path, way: Any, shape: tuple[int, int]) -> tuple[Floats, Floats]:

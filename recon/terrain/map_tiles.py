@@ -26,14 +26,16 @@ from recon.terrain.contouring import clear_of_multiples, contours_through, least
 from recon.terrain.pipeline import SHARE_OF_SPACING, PatchKind, Terrain, TerrainOptions, terrain_surface
 from recon.terrain.seams import Stretch, node_vertex, seam_vertices
 
-__all__ = ["MapTiles", "Place", "TiledMap", "lattice", "plan_tiles"]
+__all__ = ["MapTiles", "Place", "TiledMap", "cells_within", "lattice", "plan_tiles"]
 
 Floats = NDArray[np.float64]
 Place = tuple[int, int]
 
 POINTS_A_CELL = 0.94  # of a cell: the usual way between two points of a contour, which follows the grid's cells
 MARGIN = 48  # cells around a seam or a node whose ground tells its jets
+REACH = MARGIN + 1  # cells beyond a tile within which it looks at heights: one more keeps them off the contours' levels
 FEWEST = 16  # cells of a tile along its shorter side
+HAIR = 1e-6  # of a cell, by which a side of a box may miss the grid line that it was meant to be
 BLOCK = 256  # rows that are looked through at once
 
 
@@ -85,6 +87,11 @@ class TiledMap:
             slice(self.columns[tile[1]], self.columns[tile[1] + 1] + 1),
         )
 
+    def near(self, tile: Place) -> "TiledMap":
+        """The same map for whoever makes that tile alone: of its heights it holds those that the tile depends on."""
+        rows, columns = (slice(max(part.start - REACH, 0), part.stop + REACH) for part in self.extent(tile))
+        return replace(self, source=self.source.held(rows, columns))
+
 
 def point_spacing_of(source: HeightSource) -> float:
     """Metres between neighbouring points of a grid's contours, by the size of its cells."""
@@ -107,6 +114,24 @@ def plan_tiles(source: HeightSource, interval: float, size: float, options: Terr
     options = options or TerrainOptions()
     options = replace(options, tolerance=options.tolerance or SHARE_OF_SPACING * point_spacing_of(source))
     return TiledMap(source, rows, columns, interval, step, lowest, highest, options)
+
+
+def cells_within(source: HeightSource, box: Floats) -> HeightSource:
+    """The part of a grid whose cells lie wholly in a box (2, 2) of lower left and upper right corner.
+
+    Raises  BadOption when that is nothing, or too little for a tile.
+    """
+    parts = []
+    for axis, (low, high) in zip((source.x, source.y), box.T.tolist()):
+        if not max(low, axis[0]) < min(high, axis[-1]):
+            raise BadOption("--clip", "the box and the map have no place in common")
+        hair = HAIR * (axis[1] - axis[0])
+        parts.append(slice(*np.searchsorted(axis, (low - hair, high + hair)).tolist()))
+    columns, rows = parts
+    cells = [max(0, part.stop - part.start - 1) for part in parts]
+    if min(cells) < FEWEST:
+        raise BadOption("--clip", f"the box holds {cells[0]} by {cells[1]} cells, where a tile has {FEWEST} or more")
+    return source.part(rows, columns)
 
 
 def lattice(source: HeightSource, size: float) -> tuple[tuple[int, ...], tuple[int, ...]]:

@@ -1,4 +1,4 @@
-"""Half of the base is lost, with wall beside it: where little of the turn is left, wall and fracture are told even so."""
+"""Half of the base is lost, with wall beside it: where little of the turn is left, wall and fracture are still told."""
 
 import numpy as np
 import pytest

@@ -132,6 +132,73 @@ def test_a_faulty_row_of_a_long_text_grid_is_named(tmp_path, monkeypatch, spoilt
         open_height_grid(path).read(slice(0, 2), slice(0, 4))
 
 
+def test_rows_beyond_a_part_of_a_long_text_grid_are_not_looked_at(tmp_path, monkeypatch):
+    words = " ".join(map(str, range(60)))
+    source = open_height_grid(long_text(tmp_path, monkeypatch, [words] * 149 + ["1 2 x 4"]))
+    part = source.part(slice(70, 120), slice(5, 40))
+    np.testing.assert_array_equal(part.read(slice(None), slice(30, 99)), np.tile(np.arange(35.0, 40.0), (50, 1)))
+
+
+def raster(path, heights, *, crs="EPSG:32610", scale=1.0, unit="metre", **layout):
+    rasterio = pytest.importorskip("rasterio")
+    ny, nx = heights.shape
+    way = rasterio.transform.from_origin(500_000.0, 4_000_000.0 + 10.0 * ny, 10.0, 10.0)
+    layout = {
+        "driver": "GTiff",
+        "count": 1,
+        "dtype": heights.dtype,
+        "nodata": -9999,
+        "transform": way,
+        "crs": crs,
+    } | layout
+    with rasterio.open(path, "w", width=nx, height=ny, **layout) as file:
+        file.write(heights[::-1], 1)
+        file.scales, file.units = (scale,), (unit,)
+    return path
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        {"tiled": True, "blockxsize": 64, "blockysize": 32, "compress": "deflate", "predictor": 3},
+        {"compress": "lzw"},
+        {},
+    ],
+    ids=["tiles packed", "strips packed", "strips"],
+)
+def test_windows_of_a_geotiff_hold_the_heights_of_the_whole(tmp_path, layout):
+    values = np.random.default_rng(1).uniform(-50.0, 900.0, (150, 140)).astype(np.float32)
+    values[3, 7] = -9999
+    path = raster(tmp_path / "grid.tif", values, **layout)
+    whole, source = read_height_grid(path), open_height_grid(path)
+    assert np.isnan(whole.heights).sum() == 1
+    np.testing.assert_array_equal(whole.heights[4:], values[4:])
+    assert (whole.x[0], whole.y[0]) == (source.x[0], source.y[0]) == (500_005.0, 4_000_005.0)
+    for rows, columns in (
+        (slice(0, 150), slice(0, 140)),
+        (slice(61, 66), slice(5, 6)),
+        (slice(140, 400), slice(90, 299)),
+    ):
+        np.testing.assert_array_equal(source.read(rows, columns), whole.heights[rows, columns])
+
+
+def test_heights_of_a_geotiff_are_what_its_scale_tells(tmp_path):
+    path = raster(tmp_path / "grid.tif", np.arange(1500, 1600, dtype=np.int16).reshape(10, 10), scale=0.5)
+    for heights in (read_height_grid(path).heights, open_height_grid(path).read(slice(0, 10), slice(0, 10))):
+        np.testing.assert_array_equal(heights.ravel(), 0.5 * np.arange(1500, 1600))
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [({"crs": "EPSG:2225"}, "in units of 0.304801 m"), ({"unit": "ft"}, "has heights in ft")],
+)
+def test_a_geotiff_in_feet_is_refused(tmp_path, told, words):
+    path = raster(tmp_path / "grid.tif", np.ones((10, 10), dtype=np.float32), **told)
+    for read in (read_height_grid, open_height_grid):
+        with pytest.raises(UnreadableFile, match=words):
+            read(path)
+
+
 @pytest.mark.parametrize("content", ["", "{}", "[1, 2]", "words"])
 def test_a_file_that_holds_no_grid_is_refused(tmp_path, content):
     for ending in (".asc", ".json"):

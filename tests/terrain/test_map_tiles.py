@@ -13,7 +13,7 @@ from recon.geometry.height_source import HeightSource
 from recon.terrain import pipeline
 from recon.terrain.contouring import contour_grid
 from recon.terrain.evaluation import edge_angles, elevations
-from recon.terrain.map_tiles import MapTiles, plan_tiles
+from recon.terrain.map_tiles import MapTiles, cells_within, plan_tiles
 from recon.terrain.network import border_angles, joined_network, terrain_network
 from recon.terrain.pipeline import PatchKind, TerrainOptions, terrain_surface
 
@@ -83,6 +83,59 @@ def test_a_tile_looks_no_farther_than_its_margin():
     far = tiles_of(HeightGrid(grid.x, grid.y, heights)).tile((2, 0))
     for one, other in zip(near.nets, far.nets, strict=True):
         np.testing.assert_array_equal(one.nets, other.nets)
+
+
+@pytest.mark.parametrize("tile", [(0, 0), (1, 1), (2, 1)])
+def test_the_heights_near_a_tile_are_all_that_it_needs(tile):
+    plan = tiles_of(rough_grid(3, 241)).plan
+    near = plan.near(tile)
+    held = near.source.read.heights.size
+    assert held < plan.source.read.heights.size / 2
+    for one, other in zip(MapTiles(near).tile(tile).nets, MapTiles(plan).tile(tile).nets, strict=True):
+        np.testing.assert_array_equal(one.nets, other.nets)
+
+
+def test_a_box_keeps_the_cells_within_it_and_nothing_beyond_is_read():
+    grid = rough_grid(3)
+    read = []
+
+    def heights(rows, columns):
+        read.append((rows.start, rows.stop, columns.start, columns.stop))
+        return grid.heights[rows, columns]
+
+    source = HeightSource(grid.x, grid.y, "", heights)
+    part = cells_within(source, np.array([[101.0, 200.0], [899.0, 730.0]]))
+    assert (part.x[0], part.x[-1], part.y[0], part.y[-1]) == (110.0, 890.0, 200.0, 730.0)
+    tiles = MapTiles(plan_tiles(part, INTERVAL, SIZE))
+    assert tiles.plan.shape == (1, 2)
+    cut = HeightGrid(grid.x[11:90], grid.y[20:74], grid.heights[20:74, 11:90])
+    alone = MapTiles(plan_tiles(HeightSource.of(cut), INTERVAL, SIZE))
+    for one, other in zip(tiles.tile((0, 1)).nets, alone.tile((0, 1)).nets, strict=True):
+        np.testing.assert_array_equal(one.nets, other.nets)
+    south, north, west, east = np.array(read).T
+    assert (south.min(), north.max(), west.min(), east.max()) == (20, 74, 11, 90)
+
+
+@pytest.mark.parametrize("off", [-1e-7, 0.0, 1e-7])
+def test_a_side_of_a_box_on_a_grid_line_keeps_it(off):
+    grid = rough_grid(3)
+    part = cells_within(HeightSource.of(grid), np.array([[100.0 - off, 100.0], [500.0, 400.0 + off]]))
+    assert (part.x[0], part.y[-1]) == (100.0, 400.0)
+
+
+@pytest.mark.parametrize(
+    ("box", "told"),
+    [
+        ([[5000.0, 0.0], [6000.0, 900.0]], "no place in common"),
+        ([[900.0, 0.0], [100.0, 900.0]], "no place in common"),
+        ([[np.nan, 0.0], [900.0, 900.0]], "no place in common"),
+        ([[101.0, 0.0], [265.0, 900.0]], "holds 15 by 90 cells"),
+        ([[101.0, 0.0], [104.0, 900.0]], "holds 0 by 90 cells"),
+    ],
+)
+def test_a_box_without_room_for_a_tile_is_refused(box, told):
+    with pytest.raises(BadOption, match=f"--clip: .*{told}"):
+        cells_within(HeightSource.of(rough_grid(3)), np.array(box))
 
 
 def test_the_ground_by_tiles_is_as_near_to_the_heights_as_the_whole_one(grounds):

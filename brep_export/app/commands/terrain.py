@@ -104,13 +104,18 @@ def terrain(
         ),
     ] = None,
     join: Annotated[bool, typer.Option("--join", help="The chosen tiles as one shape in one file.")] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="With --tile: the workers of a running Dask cluster make the tiles.", metavar="tcp://..."),
+    ] = None,
     allow_open: AllowOpen = False,
     **usual: Any,
 ) -> None:
     """Smooth mountain of G1 faces, or a solid, from contour lines."""
-    if tile is None and (only is not None or join):
-        raise typer.BadParameter("goes with --tile", param_hint="--join" if join else "--only")
     options = locals() | {"more_endings": (".geojson",)}
+    lone = next((name for name in ("only", "join", "scheduler") if options[name]), None)
+    if tile is None and lone is not None:
+        raise typer.BadParameter("goes with --tile", param_hint=f"--{lone}")
     if tile is None:
         answer("terrain", JOB, options, header_unit="M")
     else:
