@@ -152,7 +152,6 @@ def _raster(path: Path, *, project: bool) -> HeightGrid:
     except rasterio.errors.RasterioError as problem:
         raise UnreadableFile(str(path), f"is no grid that rasterio reads ({problem})") from problem
     _axes(path, way, band.shape)
-    _require_metres(path, crs)
     label = "" if crs is None else crs.to_string()
     if crs is not None and crs.is_geographic:
         if not project:
