@@ -11,6 +11,7 @@ NOTES = (
     "thinned",
     "piece",
     "thin-wall",
+    "volume",
     "placing",
     "hole-left-out",
     "closed-holes",

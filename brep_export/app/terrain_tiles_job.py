@@ -134,6 +134,7 @@ def _one_by_one(order: TileOrder, places: Sequence[Place], bench: Bench) -> _Mad
     made = _Made()
     for tile, one in _tiles(order, places, bench):
         made.take(tile, one)
+        bench.kept(one.written)
     return made
 
 

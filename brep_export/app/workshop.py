@@ -6,6 +6,7 @@
        progress line    <--- ("doing", text) -----   bench.phase("read") ...
        notes            <--- ("note", text) ------   bench.note("...")
        clean-up list    <--- ("staged", path) ----   a temporary file exists from now on
+       what stays       <--- ("kept", paths) -----   files that are whole, whatever becomes of the rest
        Outcome          <--- ("done", dict) ------   or ("refused", ...) or ("bad input", ...)
 
 Whatever ends the workshop early, the front desk removes the temporary files that it was told of.  Where the front desk
@@ -18,7 +19,7 @@ import os
 import signal
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -101,6 +102,10 @@ class Bench:
         """Tell the front desk of a temporary file, which it removes if this process cannot."""
         self.send(("staged", str(path)))
 
+    def kept(self, paths: Sequence[str]) -> None:
+        """Tell the front desk of files that are finished while the job goes on."""
+        self.send(("kept", list(paths)))
+
 
 def run(
     job: str,
@@ -138,10 +143,11 @@ def _listen(
 ) -> Outcome:
     deadline = None if timeout is None else time.monotonic() + timeout
     step, staged, outcome = "starting", [], None
+    kept: list[str] = []
     try:
         while outcome is None:
             if not ours.poll(None if deadline is None else max(0.0, deadline - time.monotonic())):
-                outcome = _late(step, timeout)
+                outcome = _late(step, timeout, kept)
                 break
             kind, value = ours.recv()
             if kind == "doing":
@@ -151,11 +157,15 @@ def _listen(
                 note(value)
             elif kind == "staged":
                 staged.append(Path(value))
+            elif kind == "kept":
+                kept.extend(value)
             else:
                 outcome = value
     except EOFError:
         process.join()
-        outcome = _crashed(step, process.exitcode)
+        outcome = _crashed(step, process.exitcode, kept)
+    except KeyboardInterrupt:
+        outcome = Outcome(Exit.INTERRUPTED, reasons=(f"interrupted; {_written(kept)}.",))
     finally:
         process.kill()
         process.join()
@@ -164,15 +174,22 @@ def _listen(
     return outcome
 
 
-def _late(step: str, timeout: float | None) -> Outcome:
-    reason = f"stopped after {timeout:g} s while {step}; nothing was written. Allow more time with --timeout."
+def _late(step: str, timeout: float | None, kept: Sequence[str]) -> Outcome:
+    reason = f"stopped after {timeout:g} s while {step}; {_written(kept)}. Allow more time with --timeout."
     return Outcome(Exit.REFUSED, reasons=(reason,), cause="timeout")
 
 
-def _crashed(step: str, exitcode: int | None) -> Outcome:
+def _crashed(step: str, exitcode: int | None, kept: Sequence[str]) -> Outcome:
     name = signal.Signals(-exitcode).name if exitcode is not None and exitcode < 0 else f"exit status {exitcode}"
-    reason = f"the work broke off while {step} ({name}); nothing was written."
+    reason = f"the work broke off while {step} ({name}); {_written(kept)}."
     return Outcome(Exit.REFUSED, reasons=(reason,), cause="crash")
+
+
+def _written(kept: Sequence[str]) -> str:
+    if not kept:
+        return "nothing was written"
+    count = "1 file was finished before" if len(kept) == 1 else f"{len(kept)} files were finished before, the last"
+    return f"{count}: {kept[-1]}"
 
 
 def _work(pipe: Connection, job: str, request: dict[str, Any]) -> None:

@@ -46,6 +46,13 @@ def test_a_crash_names_the_step_and_leaves_no_file(tmp_path):
     assert not half.exists()
 
 
+def test_files_that_were_finished_before_a_crash_stay_and_are_told_of(tmp_path):
+    first, half = tmp_path / "first.step", tmp_path / "half.step"
+    (reason,) = run(job("crash_at_the_second"), {"first": str(first), "file": str(half)}).reasons
+    assert f"1 file was finished before: {first}" in reason
+    assert first.exists() and not half.exists()
+
+
 def test_a_job_that_never_ends_is_stopped_and_leaves_no_file(tmp_path):
     half = tmp_path / "half.step"
     outcome = run(job("endless"), {"file": str(half)}, timeout=6.0)

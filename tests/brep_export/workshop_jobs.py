@@ -44,3 +44,9 @@ def endless(request, bench):
     bench.staged(Path(request["file"]))
     bench.doing("waiting")
     time.sleep(3600)
+
+
+def crash_at_the_second(request, bench):
+    Path(request["first"]).write_text("a whole file")
+    bench.kept([request["first"]])
+    crash(request, bench)
