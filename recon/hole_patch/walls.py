@@ -43,6 +43,7 @@ Flags = NDArray[np.bool_]
 FRACTURE, OUTER, INNER = 0, 1, 2
 CREASE = np.radians(15.0)
 MAX_STEPS = 200
+BELIEF = 0.07  # of a face that comes back often or seldom, or lies deep, in what that says
 RECURRING = 0.6  # of the turn that is there; no crack comes back so often at one depth, one slope
 ASKED, MOST_ASKED = 15, 20_000  # wall faces that say how deep another lies, and of how many they are taken
 NEAR_EDGE = 1.25  # thicknesses from the outer edge of a crack, that its faces are where the wall is even
@@ -106,11 +107,11 @@ def fracture_faces(
     height = axis.cylindrical(table.centres)[:, 2]
     deep &= height < lip_height(height)  # an uneven lip lies below its own higher parts
     mated = mated & ~((recurs > RECURRING) & far & ~deep)  # wall beside a crack, that the neighbour's slope faces
-    belief = 0.07 * np.abs(2.0 * wall - 1.0)
+    belief = BELIEF * np.abs(2.0 * wall - 1.0)
     lump, level = _contradicted(table, normals, wall, far=far, mated=mated)
     belief[(lump & ~deep) | level] *= 0.03
     sunk = deep & ~mated & ~far
-    wall[sunk], belief[sunk] = 0.0, 0.07
+    wall[sunk], belief[sunk] = 0.0, BELIEF
     guess = np.where(mated, 0.0, wall)
     share = spread(table, normals, guess=guess, belief=np.where(mated, 0.2, belief))
     fracture = _without_specks(table, (share < 0.5).astype(np.int64), thickness**2) == 1

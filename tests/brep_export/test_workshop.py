@@ -53,6 +53,17 @@ def test_files_that_were_finished_before_a_crash_stay_and_are_told_of(tmp_path):
     assert first.exists() and not half.exists()
 
 
+def test_an_interrupt_tells_of_finished_files_too(tmp_path):
+    def interrupt(step):
+        raise KeyboardInterrupt
+
+    first, half = tmp_path / "first.step", tmp_path / "half.step"
+    outcome = run(job("crash_at_the_second"), {"first": str(first), "file": str(half)}, doing=interrupt)
+    assert outcome.status is Exit.INTERRUPTED
+    assert outcome.reasons == (f"interrupted; 1 file was finished before: {first}.",)
+    assert not half.exists()
+
+
 def test_a_job_that_never_ends_is_stopped_and_leaves_no_file(tmp_path):
     half = tmp_path / "half.step"
     outcome = run(job("endless"), {"file": str(half)}, timeout=6.0)
